@@ -1,0 +1,63 @@
+//! The block: what flows from the antenna to the correlators.
+
+use num_complex::Complex32;
+
+/// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Block {
+    samples: Vec<Complex32>,
+    channels: usize,
+    first_sample: u64,
+}
+
+impl Block {
+    /// A block of zeros.
+    pub fn zeros(channels: usize, len: usize) -> Self {
+        Self { samples: vec![Complex32::ZERO; channels * len], channels, first_sample: 0 }
+    }
+
+    /// Makes the block `channels` x `len`, keeping its allocation; contents are unspecified.
+    pub fn reset(&mut self, channels: usize, len: usize, first_sample: u64) {
+        self.samples.resize(channels * len, Complex32::ZERO);
+        self.channels = channels;
+        self.first_sample = first_sample;
+    }
+
+    /// Number of samples of each channel.
+    pub fn len(&self) -> usize {
+        if self.channels == 0 { 0 } else { self.samples.len() / self.channels }
+    }
+
+    /// Whether the block holds no sample.
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Number of channels (antenna elements).
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Index of the block's first sample, counted from the start of the stream.
+    pub fn first_sample(&self) -> u64 {
+        self.first_sample
+    }
+
+    /// The samples of one channel. Panics when there is no such channel.
+    pub fn channel(&self, channel: usize) -> &[Complex32] {
+        let len = self.len();
+        &self.samples[channel * len..(channel + 1) * len]
+    }
+
+    /// The samples of one channel, to be changed. Panics when there is no such channel.
+    pub fn channel_mut(&mut self, channel: usize) -> &mut [Complex32] {
+        let len = self.len();
+        &mut self.samples[channel * len..(channel + 1) * len]
+    }
+
+    /// The samples of all channels, one slice each.
+    pub fn channels_mut(&mut self) -> impl Iterator<Item = &mut [Complex32]> {
+        let len = self.len().max(1);
+        self.samples.chunks_exact_mut(len)
+    }
+}

@@ -1,0 +1,1 @@
+//! Conditioning: the intermediate frequency removed and the level measured.

@@ -1,0 +1,13 @@
+//! **sdr-rx**: samples of an antenna array go in at the top of the house, and a position with
+//! everything a person needs to trust it comes out at the bottom.
+
+pub mod acquisition;
+pub mod capture;
+pub mod front_end;
+pub mod gnss;
+pub mod navigation;
+pub mod observables;
+pub mod positioning;
+pub mod report;
+pub mod scenario;
+pub mod tracking;

@@ -1,0 +1,1 @@
+//! From prompt correlations to navigation data: bits, words, subframes, ephemerides.

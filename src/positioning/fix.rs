@@ -1,0 +1,64 @@
+//! The result: a position with everything a person needs to trust it.
+
+use crate::gnss::{GpsTime, Sv};
+use nalgebra::{Matrix4, Vector3};
+
+/// How the observations came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FixMethod {
+    /// Full pseudoranges of tracked satellites.
+    Tracking,
+    /// Code phases of a snapshot, with coarse time.
+    Snapshot,
+}
+
+/// What a satellite contributed to a fix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The satellite.
+    pub sv: Sv,
+    /// Observed minus computed code range, m.
+    pub range_m: f64,
+    /// Observed minus computed Doppler, Hz.
+    pub doppler_hz: f64,
+    /// Azimuth, rad from north over east.
+    pub azimuth: f64,
+    /// Elevation, rad.
+    pub elevation: f64,
+}
+
+/// A position solution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fix {
+    /// GPS time of reception (corrected by the clock bias).
+    pub time: GpsTime,
+    /// Index of the sample that the fix refers to, counted from the start of the stream.
+    pub sample: f64,
+    /// Position, m, ECEF.
+    pub position_m: Vector3<f64>,
+    /// Velocity, m/s, ECEF, if Dopplers were used.
+    pub velocity_mps: Option<Vector3<f64>>,
+    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time).
+    pub clock_bias_s: f64,
+    /// Rate of the receiver clock, s/s.
+    pub clock_drift_sps: Option<f64>,
+    /// Covariance of position (east, north, up) and c x clock bias, m^2.
+    pub covariance: Matrix4<f64>,
+    /// Position dilution of precision: sqrt of the trace of the position part of (H^T H)^-1.
+    pub pdop: f64,
+    /// Horizontal dilution of precision.
+    pub hdop: f64,
+    /// Vertical dilution of precision.
+    pub vdop: f64,
+    /// Satellites used, in the order of [`Sv`], with their residuals.
+    pub residuals: Vec<Residual>,
+    /// Satellites excluded as faulty.
+    pub excluded: Vec<Sv>,
+    /// How the observations came about.
+    pub method: FixMethod,
+    /// Name of the solver, such as `aw-dgn-bt`.
+    pub solver: &'static str,
+    /// Linearisations from the Earth's centre to convergence.
+    pub iterations: usize,
+}

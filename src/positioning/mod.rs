@@ -1,0 +1,5 @@
+//! From observations to a position: least squares from the Earth's centre.
+
+mod fix;
+
+pub use fix::{Fix, FixMethod, Residual};

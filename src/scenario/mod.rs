@@ -1,0 +1,1 @@
+//! Scenarios: captures made from first principles, with known truth.

@@ -1,0 +1,1 @@
+//! Following a satellite: carrier and code loops from the first sample to the last.
