@@ -10,10 +10,10 @@ use std::path::PathBuf;
 pub enum CaptureError {
     #[error("no capture was given: name a file, or '-' for standard input")]
     NoInput,
-    #[error("cannot open capture '{}': {source}", path.display())]
-    Open { path: PathBuf, source: io::Error },
-    #[error("cannot read '{}' at byte {byte}: {source}", path.display())]
-    Read { path: PathBuf, byte: u64, source: io::Error },
+    #[error("cannot open capture '{}': {cause}", path.display())]
+    Open { path: PathBuf, cause: io::Error },
+    #[error("cannot read '{}' at byte {byte}: {cause}", path.display())]
+    Read { path: PathBuf, byte: u64, cause: io::Error },
     #[error("'{}' is a directory: name the capture file in it", .0.display())]
     Directory(PathBuf),
     #[error(
@@ -95,8 +95,8 @@ pub enum CaptureError {
     MetadataValue { path: PathBuf, field: String, reason: String },
     #[error("'{}' is no WAV file that can be read: {reason}", path.display())]
     Wav { path: PathBuf, reason: String },
-    #[error("cannot write '{}': {source}", path.display())]
-    Write { path: PathBuf, source: io::Error },
+    #[error("cannot write '{}': {cause}", path.display())]
+    Write { path: PathBuf, cause: io::Error },
     #[error("'{}': {reason}", path.display())]
     Unwritable { path: PathBuf, reason: String },
 }

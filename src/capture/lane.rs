@@ -29,7 +29,7 @@ impl Data {
             return Ok(Self { path: path.to_owned(), offset: 0, bytes: None, seekable: false });
         }
         let metadata = std::fs::metadata(path)
-            .map_err(|source| CaptureError::Open { path: path.to_owned(), source })?;
+            .map_err(|cause| CaptureError::Open { path: path.to_owned(), cause })?;
         if metadata.is_dir() {
             return Err(CaptureError::Directory(path.to_owned()));
         }
@@ -95,7 +95,7 @@ impl Lane {
         channels: usize,
         skip: u64,
     ) -> Result<Self, CaptureError> {
-        let fail = |source| CaptureError::Open { path: data.path.clone(), source };
+        let fail = |cause| CaptureError::Open { path: data.path.clone(), cause };
         let per_word = format.samples_per_word() as u64;
         let units = skip.saturating_mul(channels as u64);
         let skip_bytes = (units / per_word).saturating_mul(format.word_bytes() as u64);
@@ -194,9 +194,9 @@ impl Lane {
                     self.consumed += n as u64;
                 }
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                Err(source) => {
+                Err(cause) => {
                     let path = self.path.clone();
-                    return Err(CaptureError::Read { path, byte: self.consumed, source });
+                    return Err(CaptureError::Read { path, byte: self.consumed, cause });
                 }
             }
         }

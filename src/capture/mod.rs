@@ -3,7 +3,8 @@
 mod block;
 mod error;
 mod file_source;
-mod ion;
+pub mod ion;
+pub mod ion_bits;
 mod lane;
 mod number;
 mod open;

@@ -103,7 +103,7 @@ pub(super) fn describe(path: &Path, options: &OpenOptions) -> Result<Description
         return Err(CaptureError::MissingMetadata { metadata, data });
     }
     let bytes = std::fs::read(&meta_path)
-        .map_err(|source| CaptureError::Open { path: meta_path.clone(), source })?;
+        .map_err(|cause| CaptureError::Open { path: meta_path.clone(), cause })?;
     let metadata = parse(&String::from_utf8_lossy(&bytes), &meta_path)?;
     let data_path = match &metadata.global.dataset {
         Some(name) => meta_path.with_file_name(name),
@@ -111,7 +111,7 @@ pub(super) fn describe(path: &Path, options: &OpenOptions) -> Result<Description
     };
     let described = interpret(&metadata, &meta_path, data_path.clone())?;
     let whole = Data::whole(&data_path).map_err(|e| match e {
-        CaptureError::Open { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+        CaptureError::Open { ref cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => {
             CaptureError::MissingData { metadata: meta_path.clone(), data: data_path.clone() }
         }
         other => other,

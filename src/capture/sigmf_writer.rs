@@ -116,7 +116,7 @@ impl SigmfWriter {
             }
         }
         self.samples += block.len() as u64;
-        self.data.write_all(&self.bytes).map_err(|source| self.failed(source))
+        self.data.write_all(&self.bytes).map_err(|e| self.failed(e))
     }
 
     /// Numbers (I or Q) that were clipped so far.
@@ -134,7 +134,7 @@ impl SigmfWriter {
     /// # Errors
     /// When the disk is full or the files cannot be renamed.
     pub fn finish(self) -> Result<(), CaptureError> {
-        let failed = |path: &Path, source| CaptureError::Write { path: path.to_owned(), source };
+        let failed = |path: &Path, cause| CaptureError::Write { path: path.to_owned(), cause };
         let file = self.data.into_inner().map_err(|e| failed(&self.data_path, e.into_error()))?;
         let mut meta = temporary_beside(&self.meta_path)?;
         serde_json::to_writer_pretty(&mut meta, &self.metadata)
@@ -160,8 +160,8 @@ impl SigmfWriter {
         }
     }
 
-    fn failed(&self, source: std::io::Error) -> CaptureError {
-        CaptureError::Write { path: self.data_path.clone(), source }
+    fn failed(&self, cause: std::io::Error) -> CaptureError {
+        CaptureError::Write { path: self.data_path.clone(), cause }
     }
 }
 
@@ -174,7 +174,7 @@ fn temporary_beside(path: &Path) -> Result<NamedTempFile, CaptureError> {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder
         .tempfile_in(folder)
-        .map_err(|source| CaptureError::Write { path: path.to_owned(), source })
+        .map_err(|cause| CaptureError::Write { path: path.to_owned(), cause })
 }
 
 /// UTC in ISO 8601 with nanoseconds.

@@ -21,7 +21,7 @@ pub(super) fn describe(path: &Path) -> Result<Description, CaptureError> {
         let (spec, bytes, _) = header(io::stdin().lock(), path)?;
         (spec, 0, bytes)
     } else {
-        let open = |source| CaptureError::Open { path: path.to_owned(), source };
+        let open = |cause| CaptureError::Open { path: path.to_owned(), cause };
         let (spec, bytes, mut file) = header(File::open(path).map_err(open)?, path)?;
         (spec, file.stream_position().map_err(open)?, bytes)
     };
