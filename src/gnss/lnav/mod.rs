@@ -125,10 +125,13 @@ impl Message {
     /// The message in decoded `words`.
     pub fn decode(words: &DataWords) -> Self {
         let sv_id = (words[2] >> 16 & 0x3F) as u8;
+        // Pages of subframes 4 and 5 are laid out as here only under data ID 01: QZSS sends others.
+        let gps_page = words[2] >> 22 & 3 == 1;
         match Header::read(words).id {
             1 => Self::Clock(Subframe1::read(words)),
             2 => Self::Orbit(Subframe2::read(words)),
             3 => Self::Orientation(Subframe3::read(words)),
+            4 | 5 if !gps_page => Self::Other(sv_id),
             4 | 5 if (1..=32).contains(&sv_id) => Self::Almanac(Almanac::read(words)),
             4 if sv_id == 56 => Self::IonosphereUtc(IonosphereUtc::read(words)),
             4 if sv_id == 63 => Self::Health25To32(Health25To32::read(words)),

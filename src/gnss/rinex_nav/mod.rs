@@ -219,3 +219,6 @@ fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, RinexError>
         _ => Err(lines.malformed(first, "A0 or A1 is missing", "both follow on the next line")),
     }
 }
+
+#[cfg(test)]
+mod tests;
