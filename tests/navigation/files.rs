@@ -1,0 +1,54 @@
+//! Every navigation file at hand, by teqc, sbf2rin, RTKCONV, CDDIS and others.
+
+use crate::common::data_trial;
+use libtest_mimic::{Failed, Trial};
+use sdr_rx::gnss::{GpsTime, rinex_nav};
+use std::path::Path;
+
+/// Each file with its numbers of GPS and QZSS records and of satellites, counted with grep and awk.
+const FILES: [(&str, usize, usize); 7] = [
+    ("nav/brdc0010.22n", 422, 32),
+    ("obs/gnsstk-arlm/arlm2000.15n", 168, 31),
+    ("obs/gnsstk-arlm/arlm200a.15n", 28, 16),
+    ("obs/gps-sdr-sim-rtk/base.nav", 13, 13),
+    ("obs/matrtklib-static/base.nav", 16, 16),
+    ("obs/rtklib-geonet/07590920.05n", 162, 28),
+    ("obs/rtklib-geonet/30400920.05n", 164, 28),
+];
+
+pub fn trials() -> Vec<Trial> {
+    vec![
+        data_trial("every_navigation_file_is_read_whole", every_file_is_read_whole),
+        data_trial("orbits_of_one_satellite_join_between_issues", issues_join),
+    ]
+}
+
+fn every_file_is_read_whole(folder: &Path) -> Result<(), Failed> {
+    for (name, records, satellites) in FILES {
+        let data = rinex_nav::read(folder.join(name))?;
+        let counted = (data.iter().count(), data.satellites().count());
+        if counted != (records, satellites) {
+            return Err(format!("{name}: {counted:?} records and satellites").into());
+        }
+    }
+    Ok(())
+}
+
+/// Two issues two hours apart describe one orbit: half-way between them they agree to the accuracy of a
+/// broadcast orbit (metres; 30 m bounds a fit's ends), which no misread column would let them.
+fn issues_join(folder: &Path) -> Result<(), Failed> {
+    let data = rinex_nav::read(folder.join("nav/brdc0010.22n"))?;
+    let mut pairs = 0;
+    for sv in data.satellites() {
+        let list: Vec<_> = data.iter().filter(|e| e.sv == sv && e.health == 0).collect();
+        for pair in list.windows(2).filter(|p| p[1].toe - p[0].toe == 7200.0) {
+            let middle: GpsTime = pair[0].toe + 3600.0;
+            let miss = (pair[0].state(middle).position_m - pair[1].state(middle).position_m).norm();
+            if miss > 30.0 {
+                return Err(format!("{sv} at {middle}: issues differ by {miss:.1} m").into());
+            }
+            pairs += 1;
+        }
+    }
+    if pairs < 100 { Err(format!("only {pairs} pairs").into()) } else { Ok(()) }
+}

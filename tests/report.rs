@@ -1,0 +1,3 @@
+//! Reports read by other programs.
+
+fn main() {}
