@@ -4,7 +4,20 @@
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
 pub mod aw_dgn_bt;
+mod error;
 mod fix;
 pub mod least_squares;
+mod options;
+mod point;
+mod selection;
+mod sight;
+mod solution;
+mod statistics;
+#[cfg(test)]
+mod synthetic;
+mod velocity;
 
+pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual};
+pub use options::{PositioningOptions, SnapshotOptions};
+pub use point::solve_epoch;
