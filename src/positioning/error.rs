@@ -121,6 +121,21 @@ pub enum PositioningError {
         /// Satellite with the largest weighted residual.
         suspect: Option<Sv>,
     },
+    /// No place explains what a snapshot measured.
+    #[error(
+        "no place on Earth explains the {what} of {satellites} satellites at {} +- {uncertainty_s:.0} s: the time is further off, the navigation file is of another date, or satellites were acquired falsely",
+        time.utc_iso()
+    )]
+    Unexplained {
+        /// The measurements: Dopplers or code phases.
+        what: &'static str,
+        /// Satellites used.
+        satellites: usize,
+        /// Given time of reception.
+        time: GpsTime,
+        /// How far off it was assumed to be, s.
+        uncertainty_s: f64,
+    },
     /// Several places explain the code phases of a snapshot.
     #[error(
         "two places {:.1} km apart explain the {satellites} code phases equally well: more satellites or a longer capture decide",

@@ -4,6 +4,7 @@
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
 pub mod aw_dgn_bt;
+mod coarse_time;
 mod error;
 mod fix;
 pub mod least_squares;
@@ -11,6 +12,7 @@ mod options;
 mod point;
 mod selection;
 mod sight;
+mod snapshot;
 mod solution;
 mod statistics;
 #[cfg(test)]
@@ -21,3 +23,4 @@ pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual};
 pub use options::{PositioningOptions, SnapshotOptions};
 pub use point::solve_epoch;
+pub use snapshot::solve_snapshot;

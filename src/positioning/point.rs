@@ -165,7 +165,7 @@ impl<'a> PointSolver<'a> {
 
     /// From the Earth's centre to the full model, above the elevation mask.
     fn solve_set(&self, set: &[Sighting<'a>]) -> Result<Point<'a>, PositioningError> {
-        let start = self.from_the_centre(set)?;
+        let start = self.cold_start(set)?;
         let point = self.refine(set.to_vec(), start)?;
         let (above, below): (Vec<_>, Vec<_>) = std::iter::zip(set, &point.sights)
             .partition(|(_, sight)| sight.elevation >= self.options.elevation_mask);
@@ -188,7 +188,7 @@ impl<'a> PointSolver<'a> {
         self.refine(above, Start { state, iterations: point.iterations })
     }
 
-    fn from_the_centre(&self, set: &[Sighting]) -> Result<Start, PositioningError> {
+    fn cold_start(&self, set: &[Sighting]) -> Result<Start, PositioningError> {
         let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = set
             .iter()
             .map(|s| {

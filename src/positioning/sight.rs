@@ -3,7 +3,7 @@
 
 use super::PositioningOptions;
 use super::error::DropReason;
-use crate::gnss::constants::{L1_WAVELENGTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use crate::gnss::constants::{L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::{Geodetic, azimuth_elevation};
 use crate::gnss::ephemeris::{Propagation, ura_metres};
 use crate::gnss::{Ephemeris, GpsTime, NavigationData};
@@ -36,6 +36,10 @@ pub(super) struct Sight {
     dilation: f64,
     /// Satellite clock rate, s/s.
     clock_drift_sps: f64,
+    /// Gradient of the range rate by the receiver's position, 1/s.
+    pub rate_gradient: Vector3<f64>,
+    /// Rate of the range rate for a receiver at rest, m/s^2 (good to 0.1 %: for linearisation only).
+    pub acceleration_mps2: f64,
 }
 
 impl Sight {
@@ -72,7 +76,12 @@ impl Sight {
             .sqrt();
 
         let omega = Vector3::new(0.0, 0.0, OMEGA_EARTH);
-        let inertial_mps = satellite.velocity_mps + omega.cross(&satellite.position_m);
+        let velocity = satellite.velocity_mps;
+        let inertial_mps = velocity + omega.cross(&satellite.position_m);
+        // Two-body gravity with the Coriolis and centrifugal terms of the rotating frame.
+        let gravity = -MU_EARTH / satellite.position_m.norm().powi(3) * satellite.position_m;
+        let acceleration = gravity - omega.cross(&(velocity + inertial_mps));
+        let static_rate_mps = direction.dot(&velocity);
         Self {
             direction,
             azimuth,
@@ -81,9 +90,12 @@ impl Sight {
                 + ionosphere_m.unwrap_or(0.0)
                 + troposphere_m,
             range_sigma_m,
-            static_rate_mps: direction.dot(&satellite.velocity_mps),
+            static_rate_mps,
             dilation: 1.0 + direction.dot(&inertial_mps) / SPEED_OF_LIGHT,
             clock_drift_sps: satellite.clock_drift_sps,
+            rate_gradient: (direction * static_rate_mps - velocity) / path.range_m,
+            acceleration_mps2: direction.dot(&acceleration)
+                + (velocity.norm_squared() - static_rate_mps.powi(2)) / path.range_m,
         }
     }
 
@@ -128,5 +140,32 @@ impl<'a> Sighting<'a> {
         let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);
         (doppler.is_finite() && sigma.is_finite() && sigma > 0.0)
             .then_some((-L1_WAVELENGTH * doppler, L1_WAVELENGTH * sigma))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Truth, navigation_data};
+    use super::*;
+
+    #[test]
+    fn derivatives_of_the_rate_agree_with_differences() {
+        let (nav, truth, options) =
+            (navigation_data(), Truth::at_rest(), PositioningOptions::default());
+        let rate = |ephemeris: &Ephemeris, receiver: &Vector3<f64>, t: GpsTime| {
+            Sight::new(ephemeris, receiver, t, &nav, &options).range_rate(&Vector3::zeros(), 0.0)
+        };
+        for ephemeris in nav.iter() {
+            let (r, t) = (truth.position_m, truth.time);
+            let sight = Sight::new(ephemeris, &r, t, &nav, &options);
+            let slope = (rate(ephemeris, &r, t + 1.0) - rate(ephemeris, &r, t - 1.0)) / 2.0;
+            // The perturbations left out are 1e-3 of gravity; slopes are about 0.1 m/s^2.
+            assert!((slope - sight.acceleration_mps2).abs() < 1e-3, "{slope}");
+            let step = Vector3::new(300.0, -500.0, 800.0);
+            let change = (rate(ephemeris, &(r + step), t) - rate(ephemeris, &(r - step), t)) / 2.0;
+            // 1e-5 by the dilation, step/range = 5e-5 squared by curvature.
+            let predicted = sight.rate_gradient.dot(&step);
+            assert!((change - predicted).abs() < 1e-4 * step.norm() * 2e-4, "{change} {predicted}");
+        }
     }
 }
