@@ -34,8 +34,10 @@ const MAX_EXCLUDED: usize = 2;
 /// Spacing of candidates, m and s: half of it moves no code phase by more than a third of a period.
 const RING_M: f64 = 80e3;
 const TIME_STEP_S: f64 = 40.0;
-/// Largest standard deviation of the position that is printed, m.
-const MAX_SIGMA_M: f64 = 200.0;
+/// Largest standard deviation of the position that is printed, m, and the same with five satellites,
+/// whose code phases have no redundancy.
+const MAX_SIGMA_M: f64 = 300.0;
+const MAX_SIGMA_OF_FIVE_M: f64 = 150.0;
 /// The next best place must cost more than this above the best: odds of e^20.
 const DISTINCT_COST: f64 = 40.0;
 /// Places nearer than this are the same, m.
@@ -312,8 +314,9 @@ fn finish(
         value,
         limit,
     };
-    if sigma_m > MAX_SIGMA_M {
-        return Err(weak("standard deviation of the position in metres", sigma_m, MAX_SIGMA_M));
+    let sigma_limit = if satellites > NEEDED { MAX_SIGMA_M } else { MAX_SIGMA_OF_FIVE_M };
+    if sigma_m > sigma_limit {
+        return Err(weak("standard deviation of the position in metres", sigma_m, sigma_limit));
     }
     let mut code = LeastSquares::<5>::default();
     for sight in &fix.sights {

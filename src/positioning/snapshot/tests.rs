@@ -82,7 +82,16 @@ fn outcome(class: Class, runs: u64) -> Outcome {
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed))
         .map(|(truth, epoch)| {
-            let fix = solve_snapshot(&epoch, &nav, &options).ok()?;
+            let fix =
+                solve_snapshot(&epoch, &nav, &options).inspect_err(|e| println!("{e}")).ok()?;
+            if (fix.position_m - truth.position_m).norm() > 500.0 {
+                println!(
+                    "wrong {} sigma {} time {}",
+                    (fix.position_m - truth.position_m).norm(),
+                    fix.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt(),
+                    fix.time - truth.time
+                );
+            }
             Some(((fix.position_m - truth.position_m).norm(), (fix.time - truth.time).abs()))
         })
         .collect();
@@ -101,18 +110,76 @@ fn outcome(class: Class, runs: u64) -> Outcome {
     }
 }
 
+const CLASS: Class =
+    Class { satellites: 8, doppler_sigma_hz: 25.0, code_sigma_m: 15.0, false_ones: 0 };
+
+/// An independent numpy reference solves 99.9 % of these snapshots (m = 6, 10 Hz) and 99.7 to 99.9 %
+/// (25 Hz) to 500 m and 0.5 s; the misses are weak geometries, which are refused here. No wrong set
+/// of integers may pass: those lie tens of kilometres off.
 #[test]
-fn explore() {
-    for (satellites, doppler_sigma_hz) in
-        [(5, 10.0), (6, 10.0), (6, 25.0), (7, 25.0), (8, 10.0), (8, 25.0), (8, 50.0)]
+fn snapshots_are_solved_from_the_earths_centre_and_no_wrong_integer_is_printed() {
+    for (satellites, doppler_sigma_hz, runs, share) in
+        [(6, 10.0, 1000, 0.995), (7, 25.0, 300, 0.99), (8, 25.0, 300, 0.995)]
     {
-        let class = Class { satellites, doppler_sigma_hz, code_sigma_m: 15.0, false_ones: 0 };
-        let now = std::time::Instant::now();
-        println!("{satellites} {doppler_sigma_hz} {:?} {:?}", outcome(class, 300), now.elapsed());
+        let class = Class { satellites, doppler_sigma_hz, ..CLASS };
+        let outcome = outcome(class, runs);
+        println!("{satellites} satellites, {doppler_sigma_hz} Hz: {outcome:?}");
+        assert!(outcome.right as f64 >= share * outcome.runs as f64, "{outcome:?}");
+        assert_eq!(outcome.wrong, 0, "{outcome:?}");
+        // Position 37 m (m = 6) and 24 m (m = 8), time 70 ms in the reference.
+        assert!(outcome.median_m < 45.0 && outcome.time_p95_s < 0.1, "{outcome:?}");
     }
-    for false_ones in [1, 2] {
-        let class = Class { satellites: 9, doppler_sigma_hz: 10.0, code_sigma_m: 15.0, false_ones };
-        let now = std::time::Instant::now();
-        println!("false {false_ones} {:?} {:?}", outcome(class, 60), now.elapsed());
+}
+
+#[test]
+fn false_acquisitions_are_excluded_and_named() {
+    for (satellites, false_ones, runs) in [(8, 1, 60), (9, 2, 10)] {
+        let class = Class { satellites, false_ones, doppler_sigma_hz: 5.0, ..CLASS };
+        let outcome = outcome(class, runs);
+        println!("{false_ones} false of {satellites}: {outcome:?}");
+        // Seven true satellites are left, of which some per cent lie badly.
+        assert!(outcome.right as f64 >= 0.95 * outcome.runs as f64, "{outcome:?}");
+        assert_eq!(outcome.wrong, 0);
     }
+}
+
+#[test]
+fn an_oscillator_error_of_ten_kilohertz_does_not_matter() {
+    let nav = navigation_data();
+    let (truth, mut epoch) = (0..).find_map(|seed| draw(&CLASS, &nav, seed)).unwrap();
+    epoch.observations.iter_mut().for_each(|o| o.doppler_hz += 1e4);
+    let fix = solve_snapshot(&epoch, &nav, &SnapshotOptions::default()).unwrap();
+    assert!((fix.position_m - truth.position_m).norm() < 500.0);
+    // 10 kHz of 1575.42 MHz, to the 25 Hz of the Dopplers.
+    let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
+    assert!((drift + 1e4 / 1575.42e6).abs() < 3e-8, "{drift}");
+    assert_eq!(fix.method, FixMethod::Snapshot);
+}
+
+#[test]
+fn what_cannot_be_solved_is_refused_with_its_cause() {
+    let nav = navigation_data();
+    let exact = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
+    let (_, epoch) = (0..).find_map(|seed| draw(&exact, &nav, seed)).unwrap();
+    let refusal = |epoch: &ObservationEpoch| {
+        solve_snapshot(epoch, &nav, &SnapshotOptions::default()).unwrap_err().to_string()
+    };
+    let mut few = epoch.clone();
+    few.observations.truncate(4);
+    assert!(refusal(&few).contains("4 usable satellites, a position needs 5"));
+    let mut wrong_day = epoch.clone();
+    wrong_day.receive_time = wrong_day.receive_time + 2.0 * 86_400.0;
+    assert!(refusal(&wrong_day).contains("hours from the given time"));
+    // An hour off, where a minute is promised: the same ephemerides, other Dopplers.
+    let mut wrong_hour = epoch.clone();
+    wrong_hour.receive_time = wrong_hour.receive_time + 3600.0;
+    let message = refusal(&wrong_hour);
+    assert!(message.contains("the time is further off"), "{message}");
+    // Code phases of nothing.
+    let mut random = epoch.clone();
+    for (k, observation) in random.observations.iter_mut().enumerate() {
+        let share = (k as f64 * 0.618).fract();
+        observation.range = CodeRange::ModuloCodePeriod(share * CODE_PERIOD_M);
+    }
+    assert!(refusal(&random).contains("no place on Earth explains the code phases"));
 }
