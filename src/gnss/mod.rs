@@ -6,8 +6,10 @@
 pub mod atmosphere;
 pub mod coordinates;
 pub mod ephemeris;
+pub mod lnav;
 pub mod navigation_data;
 pub mod prn_code;
+pub mod rinex_nav;
 pub mod satellite;
 pub mod time;
 
