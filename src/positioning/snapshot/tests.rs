@@ -65,11 +65,19 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
     Some((truth, epoch))
 }
 
+/// One period too many or too few moves the place by tens of kilometres; a right set of integers at
+/// the largest deviation that is printed, 300 m, by 1.5 km in five deviations.
+const WRONG_INTEGER_M: f64 = 1500.0;
+
 /// What became of the snapshots of a class.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Outcome {
     runs: usize,
+    /// Within 500 m and 0.5 s.
     right: usize,
+    /// Refused because the satellites lie badly.
+    weak: usize,
+    /// With a wrong integer.
     wrong: usize,
     median_m: f64,
     time_p95_s: f64,
@@ -78,33 +86,25 @@ struct Outcome {
 fn outcome(class: Class, runs: u64) -> Outcome {
     let nav = navigation_data();
     let options = SnapshotOptions::default();
-    let errors: Vec<Option<(f64, f64)>> = (0..runs)
+    let results: Vec<Result<(f64, f64), PositioningError>> = (0..runs)
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed))
         .map(|(truth, epoch)| {
-            let fix =
-                solve_snapshot(&epoch, &nav, &options).inspect_err(|e| println!("{e}")).ok()?;
-            if (fix.position_m - truth.position_m).norm() > 500.0 {
-                println!(
-                    "wrong {} sigma {} time {}",
-                    (fix.position_m - truth.position_m).norm(),
-                    fix.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt(),
-                    fix.time - truth.time
-                );
-            }
-            Some(((fix.position_m - truth.position_m).norm(), (fix.time - truth.time).abs()))
+            let fix = solve_snapshot(&epoch, &nav, &options)?;
+            Ok(((fix.position_m - truth.position_m).norm(), (fix.time - truth.time).abs()))
         })
         .collect();
+    let found: Vec<(f64, f64)> = results.iter().flatten().copied().collect();
+    let weak = |r: &&Result<_, _>| matches!(r, Err(PositioningError::DegenerateGeometry { .. }));
     let quantile = |mut values: Vec<f64>, share: f64| {
         values.sort_by(f64::total_cmp);
         values.get((values.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN)
     };
-    let found: Vec<(f64, f64)> = errors.iter().copied().flatten().collect();
-    let right = found.iter().filter(|e| e.0 <= 500.0 && e.1 <= 0.5).count();
     Outcome {
-        runs: errors.len(),
-        right,
-        wrong: found.len() - right,
+        runs: results.len(),
+        right: found.iter().filter(|e| e.0 <= 500.0 && e.1 <= 0.5).count(),
+        weak: results.iter().filter(weak).count(),
+        wrong: found.iter().filter(|e| e.0 > WRONG_INTEGER_M).count(),
         median_m: quantile(found.iter().map(|e| e.0).collect(), 0.5),
         time_p95_s: quantile(found.iter().map(|e| e.1).collect(), 0.95),
     }
@@ -113,20 +113,19 @@ fn outcome(class: Class, runs: u64) -> Outcome {
 const CLASS: Class =
     Class { satellites: 8, doppler_sigma_hz: 25.0, code_sigma_m: 15.0, false_ones: 0 };
 
-/// An independent numpy reference solves 99.9 % of these snapshots (m = 6, 10 Hz) and 99.7 to 99.9 %
-/// (25 Hz) to 500 m and 0.5 s; the misses are weak geometries, which are refused here. No wrong set
-/// of integers may pass: those lie tens of kilometres off.
+/// An independent numpy reference solves 99.9 % (m = 6, 10 Hz) and 99.7 to 99.9 % (25 Hz) of such
+/// snapshots to 500 m and 0.5 s; its misses are weak geometries, which are refused here by name.
 #[test]
 fn snapshots_are_solved_from_the_earths_centre_and_no_wrong_integer_is_printed() {
-    for (satellites, doppler_sigma_hz, runs, share) in
-        [(6, 10.0, 1000, 0.995), (7, 25.0, 300, 0.99), (8, 25.0, 300, 0.995)]
-    {
+    for (satellites, doppler_sigma_hz, runs) in [(6, 10.0, 1000), (7, 25.0, 300), (8, 25.0, 300)] {
         let class = Class { satellites, doppler_sigma_hz, ..CLASS };
         let outcome = outcome(class, runs);
         println!("{satellites} satellites, {doppler_sigma_hz} Hz: {outcome:?}");
-        assert!(outcome.right as f64 >= share * outcome.runs as f64, "{outcome:?}");
+        let share = |count: usize| count as f64 / outcome.runs as f64;
+        assert!(share(outcome.right + outcome.weak) >= 0.995, "{outcome:?}");
+        assert!(share(outcome.right) >= 0.98, "{outcome:?}");
         assert_eq!(outcome.wrong, 0, "{outcome:?}");
-        // Position 37 m (m = 6) and 24 m (m = 8), time 70 ms in the reference.
+        // The reference: median 37 m (m = 6) and 24 m (m = 8), 95 % of times within 70 ms.
         assert!(outcome.median_m < 45.0 && outcome.time_p95_s < 0.1, "{outcome:?}");
     }
 }
@@ -139,20 +138,21 @@ fn false_acquisitions_are_excluded_and_named() {
         println!("{false_ones} false of {satellites}: {outcome:?}");
         // Seven true satellites are left, of which some per cent lie badly.
         assert!(outcome.right as f64 >= 0.95 * outcome.runs as f64, "{outcome:?}");
-        assert_eq!(outcome.wrong, 0);
+        assert_eq!(outcome.wrong, 0, "{outcome:?}");
     }
 }
 
 #[test]
 fn an_oscillator_error_of_ten_kilohertz_does_not_matter() {
     let nav = navigation_data();
-    let (truth, mut epoch) = (0..).find_map(|seed| draw(&CLASS, &nav, seed)).unwrap();
+    let class = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
+    let (truth, mut epoch) = (0..).find_map(|seed| draw(&class, &nav, seed)).unwrap();
     epoch.observations.iter_mut().for_each(|o| o.doppler_hz += 1e4);
     let fix = solve_snapshot(&epoch, &nav, &SnapshotOptions::default()).unwrap();
-    assert!((fix.position_m - truth.position_m).norm() < 500.0);
-    // 10 kHz of 1575.42 MHz, to the 25 Hz of the Dopplers.
+    assert!((fix.position_m - truth.position_m).norm() < 100.0);
+    // 10 kHz of 1575.42 MHz, to five deviations of 1 Hz times a time dilution of at most 3.
     let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
-    assert!((drift + 1e4 / 1575.42e6).abs() < 3e-8, "{drift}");
+    assert!((drift + 1e4 / 1575.42e6).abs() < 15.0 / 1575.42e6, "{drift}");
     assert_eq!(fix.method, FixMethod::Snapshot);
 }
 
