@@ -20,11 +20,11 @@ const EXPLAINED: f64 = 0.2;
 const LIFTED: f64 = 5.0;
 
 /// Removes detections that a stronger one explains, and gives each removed one with the satellite that
-/// casts it. All code phases refer to the same sample; `coherent_ms` is the length over which the
-/// detections' C/N0 was integrated coherently.
+/// casts it. All come from one search of `windows` windows of `coherent_ms`.
 pub fn remove_shadows(
     found: &mut Vec<Acquisition>,
     coherent_ms: usize,
+    windows: usize,
 ) -> Vec<(Acquisition, Acquisition)> {
     found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
     let mut shadows = Vec::new();
