@@ -6,6 +6,7 @@
 pub mod atmosphere;
 pub mod coordinates;
 pub mod ephemeris;
+pub mod lnav;
 pub mod navigation_data;
 pub mod prn_code;
 pub mod satellite;
