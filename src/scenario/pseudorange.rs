@@ -82,7 +82,7 @@ impl SignalPath {
 /// A sliding window of exact pseudoranges at equidistant knots, with a cubic through four of them.
 ///
 /// Between the middle knots the error is at most 9/16 h^4 / 24 max|P''''|: for a receiver that
-/// circles with acceleration a and rate w it is 0.0234 a w^2 h^4, below 1e-7 m for 800 m/s^2, 8 rad/s
+/// circles with acceleration a and rate w it is 0.0234 a w^2 h^4, below 5e-6 m for 800 m/s^2, 8 rad/s
 /// and h = 8 ms; for orbits it is below 1e-15 m. Rounding of the knots adds 1e-7 m.
 #[derive(Clone, Debug)]
 pub struct PseudorangeTable {
@@ -144,7 +144,7 @@ mod tests {
     fn interpolated_pseudoranges_are_exact_to_a_tenth_of_a_millimetre_on_a_violent_circle() {
         let ephemeris = sample_ephemeris();
         let receiver = Receiver {
-            position: Place::EcefM([-3_959_617.5, 3_350_136.6, 3_699_531.5]),
+            position: Place::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]),
             // 100 m/s at 12.5 m: 800 m/s^2 and 8 rad/s.
             motion: Motion::Circle { radius_m: 12.5, speed_mps: 100.0 },
             clock_offset_s: 1e-3,
@@ -164,11 +164,12 @@ mod tests {
                 // What the kernel does: linear from segment to segment of 1 ms, anchored at the cubic.
                 let at = |k: i32| table.at(f64::from(k) / 8.0);
                 let exact = path.view((knot as f64 + f64::from(segment) / 8.0) * spacing);
-                assert!((at(segment).code_m - exact.pseudorange.code_m).abs() < 1e-6);
-                assert!((at(segment).carrier_m - exact.pseudorange.carrier_m).abs() < 1e-6);
+                assert!((at(segment).code_m - exact.pseudorange.code_m).abs() < 5e-6);
+                assert!((at(segment).carrier_m - exact.pseudorange.carrier_m).abs() < 5e-6);
                 let middle = path.view((knot as f64 + (f64::from(segment) + 0.5) / 8.0) * spacing);
                 let linear = 0.5 * (at(segment).code_m + at(segment + 1).code_m);
-                assert!((linear - middle.pseudorange.code_m).abs() < 1.001e-4);
+                // a T^2 / 8 at 800 m/s^2 and 1 ms, and the cubic's 5e-6.
+                assert!((linear - middle.pseudorange.code_m).abs() < 1.05e-4);
             }
         }
     }
@@ -176,7 +177,7 @@ mod tests {
     #[test]
     fn code_and_carrier_diverge_by_twice_the_ionosphere_and_the_rate_is_the_range_rate() {
         let ephemeris = sample_ephemeris();
-        let place = Place::EcefM([-3_959_617.5, 3_350_136.6, 3_699_531.5]);
+        let place = Place::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]);
         let receiver = Receiver {
             position: place,
             motion: Motion::Static,
