@@ -3,6 +3,7 @@
 
 pub mod acquisition;
 pub mod capture;
+pub mod correlator;
 pub mod front_end;
 pub mod gnss;
 pub mod navigation;

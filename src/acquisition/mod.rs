@@ -1,4 +1,16 @@
 //! Finding satellites: which PRN codes are there, at which Doppler and code phase.
+//!
+//! [`SearchPlan`] looks at every code phase and Doppler of a few tens of milliseconds, [`Refiner`]
+//! then measures what was found to a fraction of a chip and of a hertz over as much signal as there is,
+//! and [`cross_correlation`] strikes out what is only the shadow of a stronger satellite.
+
+pub mod cross_correlation;
+mod refine;
+mod search;
+pub mod statistics;
+
+pub use refine::{Refined, Refiner};
+pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 
 use crate::gnss::Sv;
 
@@ -7,7 +19,7 @@ use crate::gnss::Sv;
 pub struct Acquisition {
     /// The satellite.
     pub sv: Sv,
-    /// Doppler of the carrier at the first sample, Hz, positive when the satellite approaches.
+    /// Doppler of the carrier, Hz, positive when the satellite approaches.
     pub doppler_hz: f64,
     /// Code phase at the first sample, chips in [0, 1023).
     pub code_phase_chips: f64,
@@ -17,4 +29,13 @@ pub struct Acquisition {
     pub statistic: f64,
     /// Probability that noise alone reaches this statistic anywhere in the searched space.
     pub false_alarm: f64,
+}
+
+impl Acquisition {
+    /// Time from the first sample to the start of the next code period, s in [0, 1e-3).
+    pub fn code_offset_s(&self) -> f64 {
+        use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
+        let chips = (CA_CODE_LENGTH as f64 - self.code_phase_chips) % CA_CODE_LENGTH as f64;
+        chips / CA_CHIP_RATE
+    }
 }

@@ -158,13 +158,21 @@ pub fn earth_rotation(vector: &Vector3<f64>, flight_time_s: f64) -> Vector3<f64>
     Rotation3::from_axis_angle(&Vector3::z_axis(), -OMEGA_EARTH * flight_time_s) * vector
 }
 
+/// Upper bounds of user range accuracy of index 0 to 14, m (IS-GPS-200N 20.3.3.3.1.3).
+const URA_BOUNDS: [f64; 15] = [
+    2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0,
+    6144.0,
+];
+
 /// User range accuracy of an index, m: the upper bound of IS-GPS-200N 20.3.3.3.1.3 (6144 beyond 14).
 pub fn ura_metres(index: u8) -> f64 {
-    const BOUNDS: [f64; 15] = [
-        2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0,
-        6144.0,
-    ];
-    BOUNDS.get(usize::from(index)).copied().unwrap_or(6144.0)
+    URA_BOUNDS.get(usize::from(index)).copied().unwrap_or(6144.0)
+}
+
+/// Index of a user range accuracy in m: the least whose bound is not below it, so that files which print
+/// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) read alike; 15 beyond.
+pub fn ura_index(metres: f64) -> u8 {
+    URA_BOUNDS.iter().position(|&bound| metres <= bound).unwrap_or(15) as u8
 }
 
 /// Geometric range and its rate from a receiver to a satellite, light time and Earth rotation

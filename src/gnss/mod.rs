@@ -9,6 +9,7 @@ pub mod ephemeris;
 pub mod lnav;
 pub mod navigation_data;
 pub mod prn_code;
+pub mod rinex_nav;
 pub mod satellite;
 pub mod time;
 

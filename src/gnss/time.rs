@@ -62,6 +62,14 @@ impl GpsTime {
         self.seconds.rem_euclid(SECONDS_PER_WEEK) as f64 + self.fraction
     }
 
+    /// The instant nearest this one whose time of week is `tow_s` (modulo a week): what a reference
+    /// time sent without its week means.
+    pub fn nearest_with_tow(self, tow_s: f64) -> Self {
+        let same_week = Self::from_week_tow(self.week(), tow_s);
+        let week = SECONDS_PER_WEEK as f64;
+        same_week + ((self - same_week) / week).round() * week
+    }
+
     /// Whole seconds since the GPS epoch, and the fraction of a second in [0, 1).
     pub fn parts(self) -> (i64, f64) {
         (self.seconds, self.fraction)

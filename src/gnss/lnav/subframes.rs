@@ -203,8 +203,8 @@ pub fn assemble(
         l2_codes: s1.l2_codes,
         l2_p_data: s1.l2_p_data,
         fit_interval_flag: s2.fit_interval_flag,
-        toc: nearest(s1.toc, transmission_time),
-        toe: nearest(s2.toe, transmission_time),
+        toc: transmission_time.nearest_with_tow(s1.toc),
+        toe: transmission_time.nearest_with_tow(s2.toe),
         transmission_time: Some(transmission_time),
         af0: s1.af0,
         af1: s1.af1,
@@ -226,11 +226,4 @@ pub fn assemble(
         cic: s3.cic,
         cis: s3.cis,
     })
-}
-
-/// The instant nearest `to` whose time of week is `tow`.
-fn nearest(tow: f64, to: GpsTime) -> GpsTime {
-    let same_week = GpsTime::from_week_tow(to.week(), tow);
-    let weeks = ((to - same_week) / 604_800.0).round();
-    same_week + weeks * 604_800.0
 }

@@ -1,0 +1,5 @@
+//! placeholder
+/// r
+pub struct Refiner;
+/// r
+pub struct Refined;

@@ -1,0 +1,492 @@
+//! Parallel code-phase search over all PRNs and Dopplers.
+//!
+//! Per coherent window of T ms the samples are sorted into N bins per code period. Folding the T
+//! periods after a carrier of Doppler f = f_j + c kHz is removed needs only the 2T fractions f_j of a
+//! kilohertz, since exp(-j 2 pi c 1 kHz m 1 ms) = 1 for whole periods m; within the period the c kHz are
+//! a shift of the spectrum by c lines. Counted work: 2T forward FFTs of N per window, and then one
+//! inverse FFT of N per satellite, Doppler and window: that is all of the time.
+
+use super::{Acquisition, statistics};
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
+use crate::gnss::prn_code::ca_code;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// Bins per code period where the samples of one period are no good FFT length: four per chip.
+const BINS: usize = 4096;
+
+/// What to search.
+#[derive(Clone, Debug)]
+pub struct SearchOptions {
+    /// Satellites.
+    pub satellites: Vec<Sv>,
+    /// Doppler interval, Hz, both ends included.
+    pub doppler_hz: (f64, f64),
+    /// Coherent integration, whole ms (1 to 20).
+    pub coherent_ms: usize,
+    /// Greatest number of coherent windows summed non-coherently.
+    pub max_windows: usize,
+    /// Probability of one or more false alarms in the whole search.
+    pub false_alarm: f64,
+}
+
+impl Default for SearchOptions {
+    /// All GPS satellites, +-5 kHz, two windows of 10 ms (one of them is free of a data bit edge), and
+    /// one false alarm in 1000 searches.
+    fn default() -> Self {
+        Self {
+            satellites: Sv::all_gps().collect(),
+            doppler_hz: (-5000.0, 5000.0),
+            coherent_ms: 10,
+            max_windows: 2,
+            false_alarm: 1e-3,
+        }
+    }
+}
+
+/// Why a search cannot be done.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum AcquisitionError {
+    /// The rate is too low for the C/A code.
+    #[error(
+        "a sampling rate of {0} Hz is below the 1.023 MHz main lobe of the C/A code: is the rate right?"
+    )]
+    Rate(f64),
+    /// Fewer samples than one coherent window.
+    #[error(
+        "{have} samples are too few to search: {need} are needed for {coherent_ms} ms of coherent integration at {rate_hz} Hz"
+    )]
+    TooShort {
+        /// Samples given.
+        have: usize,
+        /// Samples needed.
+        need: usize,
+        /// Coherent integration, ms.
+        coherent_ms: usize,
+        /// Rate, Hz.
+        rate_hz: f64,
+    },
+    /// The options make no search.
+    #[error("no search: {0}")]
+    Options(&'static str),
+}
+
+/// Tables and transforms of a search at one rate.
+pub struct SearchPlan {
+    options: SearchOptions,
+    rate_hz: f64,
+    /// Bins per code period.
+    bins: usize,
+    forward: Arc<dyn Fft<f32>>,
+    inverse: Arc<dyn Fft<f32>>,
+    /// Conjugate spectra of the codes, one per satellite.
+    codes: Vec<Vec<Complex32>>,
+}
+
+/// The spectra of the folded windows, by window and fraction of a kilohertz.
+struct Folded {
+    /// `[window][fraction][bin]`, flattened.
+    spectra: Vec<Complex32>,
+    windows: usize,
+}
+
+/// The best cell of one satellite.
+struct Peak {
+    statistic: f64,
+    doppler_hz: f64,
+    bin: usize,
+}
+
+impl SearchPlan {
+    /// Prepares a search at `rate_hz`. Cost: one FFT per satellite.
+    pub fn new(rate_hz: f64, options: SearchOptions) -> Result<Self, AcquisitionError> {
+        if !rate_hz.is_finite() || rate_hz < CA_CHIP_RATE {
+            return Err(AcquisitionError::Rate(rate_hz));
+        }
+        let (low, high) = options.doppler_hz;
+        let reason = match () {
+            _ if options.satellites.is_empty() => Some("no satellite is asked for"),
+            _ if low.is_nan() || high.is_nan() || high < low => {
+                Some("the Doppler interval is empty")
+            }
+            _ if low.abs().max(high.abs()) > rate_hz / 2.0 => {
+                Some("the Doppler interval is wider than the sampled band")
+            }
+            _ if !(1..=20).contains(&options.coherent_ms) => {
+                Some("coherent integration must be 1 to 20 ms")
+            }
+            _ if options.max_windows == 0 => Some("at least one window is needed"),
+            _ if !(options.false_alarm > 0.0 && options.false_alarm < 1.0) => {
+                Some("the false-alarm probability must be between 0 and 1")
+            }
+            _ => None,
+        };
+        if let Some(reason) = reason {
+            return Err(AcquisitionError::Options(reason));
+        }
+        let bins = bins_per_period(rate_hz);
+        let mut planner = FftPlanner::new();
+        let (forward, inverse) = (planner.plan_fft_forward(bins), planner.plan_fft_inverse(bins));
+        let codes = options
+            .satellites
+            .iter()
+            .map(|&sv| {
+                let mut spectrum = sampled_code(sv, bins);
+                forward.process(&mut spectrum);
+                spectrum.iter_mut().for_each(|c| *c = c.conj());
+                spectrum
+            })
+            .collect();
+        Ok(Self { options, rate_hz, bins, forward, inverse, codes })
+    }
+
+    /// Samples of one coherent window.
+    pub fn window_len(&self) -> usize {
+        (self.options.coherent_ms as f64 * self.rate_hz * CA_CODE_PERIOD).ceil() as usize
+    }
+
+    /// Dopplers searched, Hz: multiples of half the inverse coherent time.
+    fn dopplers(&self) -> impl Iterator<Item = i64> + use<> {
+        let step = self.doppler_step();
+        let (low, high) = self.options.doppler_hz;
+        (low / step).floor() as i64..=(high / step).ceil() as i64
+    }
+
+    /// Doppler bin spacing, Hz.
+    pub fn doppler_step(&self) -> f64 {
+        500.0 / self.options.coherent_ms as f64
+    }
+
+    /// Number of cells of the whole search.
+    pub fn cells(&self) -> f64 {
+        (self.options.satellites.len() * self.bins * self.dopplers().count()) as f64
+    }
+
+    /// Threshold of the statistic after `windows` non-coherent sums.
+    pub fn threshold(&self, windows: usize) -> f64 {
+        statistics::threshold(self.options.false_alarm, windows, self.cells())
+    }
+
+    /// Searches the samples of one channel (baseband, from their first on) and gives the satellites
+    /// whose statistic passes the threshold, strongest first.
+    pub fn search(&self, samples: &[Complex32]) -> Result<Vec<Acquisition>, AcquisitionError> {
+        let need = self.window_len();
+        let windows = (samples.len() / need).min(self.options.max_windows);
+        if windows == 0 {
+            return Err(AcquisitionError::TooShort {
+                have: samples.len(),
+                need,
+                coherent_ms: self.options.coherent_ms,
+                rate_hz: self.rate_hz,
+            });
+        }
+        let folded = self.fold(samples, windows);
+        let threshold = self.threshold(windows);
+        let peaks: Vec<Peak> =
+            self.codes.par_iter().map(|code| self.search_one(code, &folded)).collect();
+        let mut found: Vec<Acquisition> = self
+            .options
+            .satellites
+            .iter()
+            .zip(peaks)
+            .filter(|(_, peak)| peak.statistic > threshold)
+            .map(|(&sv, peak)| self.acquisition(sv, &peak, windows))
+            .collect();
+        found.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+        Ok(found)
+    }
+
+    fn acquisition(&self, sv: Sv, peak: &Peak, windows: usize) -> Acquisition {
+        let chips = CA_CODE_LENGTH as f64;
+        let delay = peak.bin as f64 / self.bins as f64 * chips;
+        let snr = (peak.statistic / windows as f64 - 1.0).max(1e-3);
+        Acquisition {
+            sv,
+            doppler_hz: peak.doppler_hz,
+            code_phase_chips: (chips - delay) % chips,
+            cn0_dbhz: 10.0 * (snr * 1e3 / self.options.coherent_ms as f64).log10(),
+            statistic: peak.statistic,
+            false_alarm: statistics::search_false_alarm(peak.statistic, windows, self.cells()),
+        }
+    }
+
+    /// Folds each window to one code period for every fraction of a kilohertz, and transforms it.
+    fn fold(&self, samples: &[Complex32], windows: usize) -> Folded {
+        let (bins, periods) = (self.bins, self.options.coherent_ms);
+        let fractions = 2 * periods;
+        let mut spectra = vec![Complex32::ZERO; windows * fractions * bins];
+        spectra.par_chunks_exact_mut(fractions * bins).enumerate().for_each(|(window, spectra)| {
+            let sorted = self.sort_into_bins(samples, window);
+            for (fraction, folded) in spectra.chunks_exact_mut(bins).enumerate() {
+                let doppler = fraction as f64 * self.doppler_step();
+                for (period, row) in sorted.chunks_exact(bins).enumerate() {
+                    let turn = phasor(doppler * period as f64 * CA_CODE_PERIOD);
+                    folded.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * turn);
+                }
+                for (bin, sum) in folded.iter_mut().enumerate() {
+                    *sum *= phasor(doppler * bin as f64 / bins as f64 * CA_CODE_PERIOD);
+                }
+                self.forward.process(folded);
+            }
+        });
+        Folded { spectra, windows }
+    }
+
+    /// Sums the samples of a window into `coherent_ms` rows of `bins` bins of code phase.
+    fn sort_into_bins(&self, samples: &[Complex32], window: usize) -> Vec<Complex32> {
+        let bins_per_sample = self.bins as f64 / (self.rate_hz * CA_CODE_PERIOD);
+        let total = self.options.coherent_ms * self.bins;
+        let mut sorted = vec![Complex32::ZERO; total];
+        let first_bin = (window * total) as f64;
+        let first = (first_bin / bins_per_sample - 1e-6).ceil() as usize;
+        for (n, sample) in samples.iter().enumerate().skip(first) {
+            // A sample on the edge between two bins belongs to the later one in spite of rounding.
+            let bin = (n as f64 * bins_per_sample - first_bin + 1e-6) as usize;
+            match sorted.get_mut(bin) {
+                Some(sum) => *sum += sample,
+                None => break,
+            }
+        }
+        sorted
+    }
+
+    /// The cell of greatest statistic for one code.
+    fn search_one(&self, code: &[Complex32], folded: &Folded) -> Peak {
+        let bins = self.bins;
+        let fractions = 2 * self.options.coherent_ms as i64;
+        let mut product = vec![Complex32::ZERO; bins];
+        let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
+        let mut power = vec![0f32; bins];
+        let mut best = Peak { statistic: 0.0, doppler_hz: 0.0, bin: 0 };
+        for index in self.dopplers() {
+            let doppler_hz = index as f64 * self.doppler_step();
+            let fraction = index.rem_euclid(fractions) as usize;
+            let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
+            for window in 0..folded.windows {
+                let at = (window * fractions as usize + fraction) * bins;
+                let (head, tail) = folded.spectra[at..at + bins].split_at(lines);
+                let (code_head, code_tail) = code.split_at(bins - lines);
+                multiply(tail, code_head, &mut product[..bins - lines]);
+                multiply(head, code_tail, &mut product[bins - lines..]);
+                self.inverse.process_with_scratch(&mut product, &mut scratch);
+                // The code runs faster by doppler/1540: later windows see it that much earlier.
+                let seconds = (window * self.options.coherent_ms) as f64 * CA_CODE_PERIOD;
+                let advance =
+                    doppler_hz / CYCLES_PER_CHIP * seconds * bins as f64 / CA_CODE_LENGTH as f64;
+                let advance = (advance.round() as i64).rem_euclid(bins as i64) as usize;
+                let (early, late) = product.split_at(bins - advance);
+                let first_window = window == 0;
+                add_power(early, &mut power[advance..], first_window);
+                add_power(late, &mut power[..advance], first_window);
+            }
+            let (bin, highest, total) = peak_and_sum(&power);
+            let statistic = f64::from(highest) * (folded.windows * bins) as f64
+                / f64::from(total).max(f64::MIN_POSITIVE);
+            if statistic > best.statistic {
+                best = Peak { statistic, doppler_hz, bin };
+            }
+        }
+        best
+    }
+}
+
+/// Bins per code period: the samples themselves where that is a whole number with small prime factors
+/// and no more than needed, else [`BINS`].
+fn bins_per_period(rate_hz: f64) -> usize {
+    let samples = rate_hz * CA_CODE_PERIOD;
+    let whole = samples.round();
+    let mut rest = whole as usize;
+    for prime in [2, 3, 5, 7, 11, 13] {
+        while rest > 1 && rest % prime == 0 {
+            rest /= prime;
+        }
+    }
+    let is_whole = (samples - whole).abs() < 1e-9 * samples;
+    if is_whole && rest == 1 && (2 * CA_CODE_LENGTH..=BINS + BINS / 4).contains(&(whole as usize)) {
+        whole as usize
+    } else {
+        BINS
+    }
+}
+
+/// One period of a code at the middle of each of `bins` bins.
+fn sampled_code(sv: Sv, bins: usize) -> Vec<Complex32> {
+    let chips = ca_code(sv);
+    (0..bins)
+        .map(|bin| Complex32::from(f32::from(chips[(2 * bin + 1) * CA_CODE_LENGTH / (2 * bins)])))
+        .collect()
+}
+
+/// exp(-j 2 pi cycles).
+fn phasor(cycles: f64) -> Complex32 {
+    let turn = Complex64::cis(-TAU * cycles.fract());
+    Complex32::new(turn.re as f32, turn.im as f32)
+}
+
+#[multiversion::multiversion(targets(
+    "x86_64+avx2+fma",
+    "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
+    "aarch64+neon"
+))]
+fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) {
+    for ((a, b), out) in a.iter().zip(b).zip(out) {
+        *out = Complex32::new(a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re);
+    }
+}
+
+#[multiversion::multiversion(targets(
+    "x86_64+avx2+fma",
+    "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
+    "aarch64+neon"
+))]
+fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) {
+    for (power, value) in power.iter_mut().zip(values) {
+        let norm = value.re * value.re + value.im * value.im;
+        *power = if replace { norm } else { *power + norm };
+    }
+}
+
+/// Index and value of the greatest element, and the sum of all.
+#[multiversion::multiversion(targets(
+    "x86_64+avx2+fma",
+    "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
+    "aarch64+neon"
+))]
+fn peak_and_sum(power: &[f32]) -> (usize, f32, f32) {
+    const LANES: usize = 16;
+    let (chunks, rest) = power.as_chunks::<LANES>();
+    let (mut highest, mut sums) = ([0f32; LANES], [0f32; LANES]);
+    for chunk in chunks {
+        for lane in 0..LANES {
+            highest[lane] = highest[lane].max(chunk[lane]);
+            sums[lane] += chunk[lane];
+        }
+    }
+    let peak = rest.iter().chain(&highest).copied().fold(0f32, f32::max);
+    let sum = sums.iter().chain(rest).sum();
+    (power.iter().position(|&p| p == peak).unwrap_or(0), peak, sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// A signal of given Doppler and delay in unit-variance four-valued noise.
+    fn signal(
+        sv: Sv,
+        rate: f64,
+        len: usize,
+        doppler: f64,
+        delay_s: f64,
+        cn0_dbhz: f64,
+        flip_at: usize,
+        seed: u64,
+    ) -> Vec<Complex32> {
+        let chips = ca_code(sv);
+        let amplitude = (10f64.powf(cn0_dbhz / 10.0) / rate).sqrt();
+        let mut noise = four_valued_noise(len, seed);
+        for (n, sample) in noise.iter_mut().enumerate() {
+            let t = n as f64 / rate;
+            let phase = (t - delay_s) * CA_CHIP_RATE * (1.0 + doppler / 1_575.42e6);
+            let chip = f64::from(chips[(phase.floor() as i64).rem_euclid(1023) as usize]);
+            let bit = if n < flip_at { 1.0 } else { -1.0 };
+            let s = Complex64::cis(TAU * doppler * t) * amplitude * chip * bit;
+            *sample += Complex32::new(s.re as f32, s.im as f32);
+        }
+        noise
+    }
+
+    /// (+-1 +-j)/sqrt(2): unit variance, and Gaussian after the sums of a correlation.
+    fn four_valued_noise(len: usize, seed: u64) -> Vec<Complex32> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let level = std::f32::consts::FRAC_1_SQRT_2;
+        let mut noise = Vec::with_capacity(len + 32);
+        while noise.len() < len {
+            let word = rng.next_u64();
+            let sign = |bit: u32| if word >> bit & 1 == 0 { level } else { -level };
+            noise.extend((0..32).map(|k| Complex32::new(sign(2 * k), sign(2 * k + 1))));
+        }
+        noise.truncate(len);
+        noise
+    }
+
+    #[test]
+    fn a_satellite_is_found_where_it_is_at_every_kind_of_rate() {
+        for (rate, doppler, delay) in [
+            (2.6e6, 1234.0, 0.123e-3),
+            (4e6, -4321.0, 0.9e-3),
+            (5.456e6, 2500.0, 0.5e-3),
+            (20e6, -10.0, 0.4444e-3),
+            (2.048e6, 4987.0, 0.0),
+        ] {
+            let sv = "G17".parse().unwrap();
+            let plan =
+                SearchPlan::new(rate, SearchOptions { satellites: vec![sv], ..Default::default() })
+                    .unwrap();
+            let len = (rate * 20e-3) as usize;
+            // A data bit edge in the middle of the first window must not hide it.
+            let found =
+                plan.search(&signal(sv, rate, len, doppler, delay, 44.0, len / 4, 1)).unwrap();
+            assert_eq!(found.len(), 1, "{rate}");
+            assert!(
+                (found[0].doppler_hz - doppler).abs() <= 100.0,
+                "{rate}: {}",
+                found[0].doppler_hz
+            );
+            let error = (found[0].code_offset_s() - delay + 0.5e-3).rem_euclid(1e-3) - 0.5e-3;
+            assert!((error * 1.023e6).abs() < 0.5, "{rate}: {} chips", error * 1.023e6);
+        }
+    }
+
+    #[test]
+    fn realised_false_alarms_are_those_asked_for() {
+        // 10^5 searches of pure noise: one satellite, +-250 Hz, one window of 1 ms, 10 % asked for.
+        const SEARCHES: usize = 100_000;
+        let rate = 2.048e6;
+        let options = SearchOptions {
+            satellites: vec!["G05".parse().unwrap()],
+            doppler_hz: (-500.0, 500.0),
+            coherent_ms: 1,
+            max_windows: 1,
+            false_alarm: 0.01,
+        };
+        let plan = SearchPlan::new(rate, options).unwrap();
+        let alarms: usize = (0..SEARCHES as u64)
+            .into_par_iter()
+            .map(|seed| plan.search(&four_valued_noise(plan.window_len(), seed)).unwrap().len())
+            .sum();
+        // 1000 expected if all cells were independent, standard deviation 32; neighbours that exceed
+        // together lower it by at most a tenth (see the module `statistics`).
+        assert!((800..=1100).contains(&alarms), "{alarms} false alarms in {SEARCHES} searches");
+    }
+
+    #[test]
+    fn impossible_searches_are_refused() {
+        let with = |change: fn(&mut SearchOptions)| {
+            let mut options = SearchOptions::default();
+            change(&mut options);
+            SearchPlan::new(4e6, options).err()
+        };
+        assert!(matches!(
+            SearchPlan::new(1e6, SearchOptions::default()).err(),
+            Some(AcquisitionError::Rate(_))
+        ));
+        assert!(with(|o| o.satellites.clear()).is_some());
+        assert!(with(|o| o.doppler_hz = (1.0, -1.0)).is_some());
+        assert!(with(|o| o.doppler_hz = (-3e6, 3e6)).is_some());
+        assert!(with(|o| o.coherent_ms = 0).is_some());
+        assert!(with(|o| o.false_alarm = 0.0).is_some());
+        let plan = SearchPlan::new(4e6, SearchOptions::default()).unwrap();
+        assert!(matches!(
+            plan.search(&[Complex32::ZERO; 100]),
+            Err(AcquisitionError::TooShort { .. })
+        ));
+        assert!(plan.search(&vec![Complex32::ZERO; 40_000]).unwrap().is_empty());
+    }
+}

@@ -1,0 +1,124 @@
+//! C/A codes sampled at the capture's rate, at finely stepped starting phases.
+
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD};
+use crate::gnss::prn_code::ca_code;
+
+/// Starting phases per chip: a replica is placed to half of 1/40 chip (3.7 m), and the remainder is
+/// known exactly, so that a code discriminator can account for it.
+const PHASES_PER_CHIP: f64 = 40.0;
+
+/// Samples of guard at both ends of a row: the farthest tap plus one vector of the kernel.
+const GUARD: usize = 192;
+
+/// One satellite's code at one sampling rate.
+///
+/// Row `p` of `phases` holds the code at the instants (n + (p + 1/2) / phases) / rate. The table has
+/// about 40 x 1023 entries whatever the rate, so that it stays in the second-level cache.
+#[derive(Clone, Debug)]
+pub struct CodeTable {
+    rows: Vec<Vec<i16>>,
+    samples_per_period: f64,
+    rate_hz: f64,
+}
+
+/// Early, prompt and late replicas (+-1) for the samples from `first_sample` on.
+pub struct Taps<'a> {
+    /// The three replicas, equal in length; up to 16 entries beyond `len` may be read.
+    pub codes: [&'a [i16]; 3],
+    /// Number of samples in the code period.
+    pub len: usize,
+    /// Index of the sample that the first entries belong to.
+    pub first_sample: u64,
+    /// Where the prompt replica really starts: replica start minus asked start, samples.
+    pub offset: f64,
+}
+
+impl CodeTable {
+    /// Tabulates the code of `sv` at `rate_hz` (at least the chip rate).
+    pub fn new(sv: Sv, rate_hz: f64) -> Self {
+        let chips = ca_code(sv);
+        let phases = (PHASES_PER_CHIP * CA_CHIP_RATE / rate_hz).ceil().max(1.0) as usize;
+        let samples_per_period = rate_hz * CA_CODE_PERIOD;
+        let chips_per_sample = CA_CHIP_RATE / rate_hz;
+        let len = samples_per_period.ceil() as usize + 2 * GUARD + 1;
+        let row = |phase: usize| {
+            let start = (phase as f64 + 0.5) / phases as f64 - GUARD as f64;
+            (0..len)
+                .map(|n| {
+                    let chip = ((start + n as f64) * chips_per_sample).floor() as i64;
+                    i16::from(chips[chip.rem_euclid(CA_CODE_LENGTH as i64) as usize])
+                })
+                .collect()
+        };
+        Self { rows: (0..phases).map(row).collect(), samples_per_period, rate_hz }
+    }
+
+    /// Distance of early and late from prompt, samples, nearest to `chips` that the table can give.
+    pub fn tap_distance(&self, chips: f64) -> f64 {
+        self.steps(chips) as f64 / self.rows.len() as f64
+    }
+
+    fn steps(&self, chips: f64) -> usize {
+        let samples = (chips * self.rate_hz / CA_CHIP_RATE).min(GUARD as f64 - 24.0);
+        (samples * self.rows.len() as f64).round().max(1.0) as usize
+    }
+
+    /// Replicas for the code period that starts at the fractional sample index `start` and lasts to
+    /// `end`, early and late `tap_chips` away from prompt.
+    pub fn taps(&self, start: f64, end: f64, tap_chips: f64) -> Taps<'_> {
+        let phases = self.rows.len();
+        let first = start.ceil();
+        let len = (end.ceil() - first).clamp(0.0, self.samples_per_period + 8.0) as usize;
+        let lead = first - start;
+        let step = ((lead * phases as f64) as usize).min(phases - 1);
+        let distance = self.steps(tap_chips);
+        let replica = |shift: isize| {
+            let index = step as isize + shift + (GUARD * phases) as isize;
+            let (row, first) =
+                (index.rem_euclid(phases as isize), index.div_euclid(phases as isize));
+            &self.rows[row as usize][first as usize..]
+        };
+        Taps {
+            // A replica that starts earlier is further into the code at the same sample.
+            codes: [replica(distance as isize), replica(0), replica(-(distance as isize))],
+            len,
+            first_sample: first as u64,
+            offset: lead - (step as f64 + 0.5) / phases as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_are_the_code_at_the_stated_offsets() {
+        let sv: Sv = "G07".parse().unwrap();
+        let chips = ca_code(sv);
+        for rate in [2.6e6, 4e6, 5.456e6, 20e6] {
+            let table = CodeTable::new(sv, rate);
+            let period = rate * 1e-3;
+            for k in 0..50 {
+                let start = 1000.0 + 0.37 * f64::from(k);
+                let taps = table.taps(start, start + period, 0.25);
+                let distance = table.tap_distance(0.25);
+                assert!((distance * CA_CHIP_RATE / rate - 0.25).abs() <= 0.5 / 40.0 + 1e-12);
+                assert!(taps.offset.abs() <= 0.5 / table.rows.len() as f64 + 1e-9);
+                for (tap, shift) in [(0, -distance), (1, 0.0), (2, distance)] {
+                    for n in (0..taps.len).step_by(7) {
+                        let replica_start = start + taps.offset + shift;
+                        let chip = (taps.first_sample as f64 + n as f64 - replica_start)
+                            * CA_CHIP_RATE
+                            / rate;
+                        if (chip - chip.round()).abs() > 1e-6 {
+                            let expected = chips[(chip.floor() as i64).rem_euclid(1023) as usize];
+                            assert_eq!(taps.codes[tap][n], i16::from(expected));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

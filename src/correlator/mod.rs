@@ -1,0 +1,13 @@
+//! Correlation of samples with a code replica and a carrier: the kernel that acquisition refines with
+//! and tracking runs on.
+//!
+//! Cost: one pass over the samples per satellite and code period, all three taps in it. Samples are
+//! held as planar `i16` (4 bytes a complex sample, converted once and shared by all channels).
+
+mod buffer;
+mod code_table;
+mod kernel;
+
+pub use buffer::SampleBuffer;
+pub use code_table::{CodeTable, Taps};
+pub use kernel::{correlate, correlate_scalar};
