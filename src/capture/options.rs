@@ -56,7 +56,9 @@ impl OpenOptions {
             Self { start_s, .. } if !(*start_s >= 0.0 && start_s.is_finite()) => {
                 Err(CaptureError::BadStart(*start_s))
             }
-            Self { duration_s: Some(d), .. } if d.is_nan() || *d <= 0.0 => Err(CaptureError::BadDuration(*d)),
+            Self { duration_s: Some(d), .. } if d.is_nan() || *d <= 0.0 => {
+                Err(CaptureError::BadDuration(*d))
+            }
             _ => Ok(()),
         }
     }

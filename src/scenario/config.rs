@@ -141,11 +141,7 @@ fn no_troposphere() -> Troposphere {
 
 impl Default for Atmosphere {
     fn default() -> Self {
-        Self {
-            ionosphere: Ionosphere::None,
-            klobuchar: None,
-            troposphere: no_troposphere(),
-        }
+        Self { ionosphere: Ionosphere::None, klobuchar: None, troposphere: no_troposphere() }
     }
 }
 
@@ -226,8 +222,10 @@ impl Scenario {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(text: &str, name: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = toml::from_str(text)
-            .map_err(|source| ScenarioError::Toml { name: name.into(), source: Box::new(source) })?;
+        let scenario: Self = toml::from_str(text).map_err(|source| ScenarioError::Toml {
+            name: name.into(),
+            source: Box::new(source),
+        })?;
         match scenario.conflict() {
             Some(conflict) => Err(ScenarioError::Conflict { name: name.into(), conflict }),
             None => Ok(scenario),

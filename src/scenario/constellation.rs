@@ -85,8 +85,7 @@ impl Walker {
         let Pattern { satellites, planes, phasing } = self.pattern;
         let per_plane = satellites / planes;
         let turn = 2.0 * GPS_PI;
-        let node_of_week =
-            self.node_longitude_deg.to_radians() + OMEGA_EARTH * epoch.tow();
+        let node_of_week = self.node_longitude_deg.to_radians() + OMEGA_EARTH * epoch.tow();
         (0..satellites)
             .filter_map(|k| Some((k, Sv::from_prn(k + 1)?)))
             .map(|(k, sv)| {

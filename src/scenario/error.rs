@@ -69,7 +69,9 @@ pub enum ScenarioError {
         elevation_deg: f64,
     },
     /// No satellite at all.
-    #[error("no satellite is above {mask_deg} degrees at the start: check position and start, or lower elevation_mask_deg")]
+    #[error(
+        "no satellite is above {mask_deg} degrees at the start: check position and start, or lower elevation_mask_deg"
+    )]
     NothingVisible {
         /// Elevation mask, degrees.
         mask_deg: f64,
@@ -81,7 +83,9 @@ pub enum ScenarioError {
         sv: Sv,
     },
     /// Klobuchar's model without coefficients.
-    #[error("ionosphere = \"klobuchar\" needs coefficients, and the orbits have none: give [atmosphere] klobuchar = {{ alpha = [..4], beta = [..4] }}")]
+    #[error(
+        "ionosphere = \"klobuchar\" needs coefficients, and the orbits have none: give [atmosphere] klobuchar = {{ alpha = [..4], beta = [..4] }}"
+    )]
     NoKlobuchar,
     /// An ephemeris that the navigation message cannot carry.
     #[error("{sv}: {source}")]

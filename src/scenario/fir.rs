@@ -111,8 +111,7 @@ mod tests {
         let mut output = vec![0.0; 200];
         convolve(&taps, &input, &mut output);
         for (k, &got) in output.iter().enumerate() {
-            let plain: f64 =
-                (0..9).map(|t| f64::from(taps[t]) * f64::from(input[k + 2 * t])).sum();
+            let plain: f64 = (0..9).map(|t| f64::from(taps[t]) * f64::from(input[k + 2 * t])).sum();
             // Nine roundings of values below 1.
             assert!((f64::from(got) - plain).abs() < 9.0 * 2f64.powi(-24));
         }

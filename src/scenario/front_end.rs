@@ -130,7 +130,9 @@ impl StandardFrontEnd {
         let turn = |k| Complex64::cis(std::f64::consts::TAU * cycles * k as f64);
         let nco = (cycles != 0.0).then(|| Nco {
             step: (cycles.rem_euclid(1.0) * 2f64.powi(64)) as u64,
-            turns: (0..CHUNK).map(|k| Complex32::new(turn(k).re as f32, turn(k).im as f32)).collect(),
+            turns: (0..CHUNK)
+                .map(|k| Complex32::new(turn(k).re as f32, turn(k).im as f32))
+                .collect(),
         });
         let (sin, cos) = settings.iq_phase_deg.to_radians().sin_cos();
         let gain = 10f64.powf(settings.iq_gain_db / 20.0);

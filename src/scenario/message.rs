@@ -42,22 +42,22 @@ impl ConstellationMessage {
             let almanac = self.almanacs.iter().find(|a| a.sv_id == prn);
             almanac.map_or(63, |a| a.health & 63)
         };
-        match page_sv_id(subframe, page) {
-            id @ 1..=32 => {
+        match (page_sv_id(subframe, page), &self.ionosphere_utc) {
+            (id @ 1..=32, _) => {
                 let almanac = self.almanacs.iter().find(|a| a.sv_id == id);
                 almanac.map_or(Message::Other(0), |a| Message::Almanac(a.clone()))
             }
-            56 if let Some(page) = &self.ionosphere_utc => Message::IonosphereUtc(page.clone()),
-            51 => Message::Health1To24(Health1To24 {
+            (56, Some(page)) => Message::IonosphereUtc(page.clone()),
+            (51, _) => Message::Health1To24(Health1To24 {
                 toa: self.time_of_almanac.tow(),
                 week_a: self.time_of_almanac.week().rem_euclid(256) as u8,
                 health: std::array::from_fn(|k| health(k as u8 + 1)),
             }),
-            63 => Message::Health25To32(Health25To32 {
+            (63, _) => Message::Health25To32(Health25To32 {
                 configuration: [9; 32],
                 health: std::array::from_fn(|k| health(k as u8 + 25)),
             }),
-            id => Message::Other(id),
+            (id, _) => Message::Other(id),
         }
     }
 }
@@ -77,7 +77,7 @@ impl MessageStream {
         ephemeris: Ephemeris,
         constellation: Arc<ConstellationMessage>,
     ) -> Result<Self, LnavError> {
-        let mut stream = Self { ephemeris, constellation, current: i64::MIN, words: [0; 10] };
+        let stream = Self { ephemeris, constellation, current: i64::MIN, words: [0; 10] };
         (0..5 * PAGES).try_for_each(|k| stream.subframe(k).map(drop))?;
         Ok(stream)
     }
@@ -124,7 +124,8 @@ mod tests {
         let eph = sample_ephemeris();
         let start = eph.toe;
         let page_18 = IonosphereUtc { delta_t_ls: 18.0, ..IonosphereUtc::default() };
-        let shared = Arc::new(ConstellationMessage::new([&eph].into_iter(), Some(page_18.clone()), start));
+        let shared =
+            Arc::new(ConstellationMessage::new([&eph].into_iter(), Some(page_18.clone()), start));
         let mut stream = MessageStream::new(eph.clone(), shared).unwrap();
         // 750 s from a multiple of 750 s after the week's start: all 25 pages in order.
         let first_ms = (i64::from(start.week()) * SECONDS_PER_WEEK + 518_250) * 1000;
@@ -173,6 +174,9 @@ mod tests {
         // The file's twelve digits and the field's step: 26.5e6 m x 2^-32 semicircles = 0.02 m.
         let t = start + 1000.0;
         assert!((decoded.state(t).position_m - eph.state(t).position_m).norm() < 0.05);
-        assert_eq!((decoded.iode, decoded.toe, decoded.sv), (eph.iode, eph.toe, Sv::from_prn(1).unwrap()));
+        assert_eq!(
+            (decoded.iode, decoded.toe, decoded.sv),
+            (eph.iode, eph.toe, Sv::from_prn(1).unwrap())
+        );
     }
 }

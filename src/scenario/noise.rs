@@ -85,7 +85,12 @@ fn add_normal(
             *s = if u64::from(g) < threshold { sigmas[1] } else { sigmas[0] };
         }
         let pairs = bytemuck::cast_slice(pairs);
-        add_box_muller(pairs, &scale[..len], &mut re[start..start + len], &mut im[start..start + len]);
+        add_box_muller(
+            pairs,
+            &scale[..len],
+            &mut re[start..start + len],
+            &mut im[start..start + len],
+        );
     }
 }
 
@@ -171,8 +176,7 @@ mod tests {
     fn noise_is_normal_by_chi_square_to_five_sigma_and_white() {
         let n = 1 << 22;
         let (re, im) = draw(GaussianMixture { share: 0.0, ratio: 1.0 }, 3, n);
-        let all: Vec<f64> =
-            re.iter().chain(&im).map(|&x| f64::from(x) * 2f64.sqrt()).collect();
+        let all: Vec<f64> = re.iter().chain(&im).map(|&x| f64::from(x) * 2f64.sqrt()).collect();
         let count = all.len() as f64;
         // Bins of a quarter sigma from -5 to 5 and the two tails; the law is the normal integral.
         let cdf = |x: f64| 0.5 * erfc(-x / 2f64.sqrt());
@@ -214,15 +218,13 @@ mod tests {
         let law = GaussianMixture { share: 0.1, ratio: 50.0 };
         let n = 1 << 20;
         let (re, im) = draw(law, 5, n);
-        let power: Vec<f64> =
-            re.iter().zip(&im).map(|(x, y)| f64::from(x * x + y * y)).collect();
+        let power: Vec<f64> = re.iter().zip(&im).map(|(x, y)| f64::from(x * x + y * y)).collect();
         let mean = power.iter().sum::<f64>() / n as f64;
         let square = power.iter().map(|p| p * p).sum::<f64>() / n as f64;
         // |z|^2 is exponential in each component: E p = v, E p^2 = 2 (1 - e + e K^2), and so on.
         let raw = |m: i32, factorial: f64| factorial * (0.9 + 0.1 * 50f64.powi(m));
-        let deviation = |m: i32, f: f64, f2: f64| {
-            ((raw(2 * m, f2) - raw(m, f).powi(2)) / n as f64).sqrt()
-        };
+        let deviation =
+            |m: i32, f: f64, f2: f64| ((raw(2 * m, f2) - raw(m, f).powi(2)) / n as f64).sqrt();
         assert_eq!(law.variance(), raw(1, 1.0));
         assert!((mean - law.variance()).abs() < 5.0 * deviation(1, 1.0, 2.0), "{mean}");
         assert!((square - raw(2, 2.0)).abs() < 5.0 * deviation(2, 2.0, 24.0), "{square}");

@@ -51,8 +51,7 @@ impl SignalPath {
     /// during those delays (below 0.1 mm) is left out, as every receiver model does.
     pub fn view(&self, elapsed: f64) -> View {
         let receiver = self.trajectory.state(elapsed);
-        let propagation =
-            Propagation::solve(&self.ephemeris, &receiver.position_m, receiver.time);
+        let propagation = Propagation::solve(&self.ephemeris, &receiver.position_m, receiver.time);
         let satellite = &propagation.satellite;
         let (azimuth, elevation) = azimuth_elevation(&receiver.position_m, &satellite.position_m);
         let place = Geodetic::from_ecef(&receiver.position_m);

@@ -81,7 +81,8 @@ mod tests {
         // 1 bit: 2/pi. 2, 3, 4 bits at the best uniform step: -10 log10(1 - distortion) with Max's
         // distortions 0.1188, 0.03744, 0.01154. Deviation of the estimate of E[xy] over 2^21 draws:
         // below 1e-3, 0.005 dB.
-        for (bits, loss) in [(1, 1.961), (2, 0.549), (3, 0.1657), (4, 0.0504), (8, 0.0), (16, 0.0)] {
+        for (bits, loss) in [(1, 1.961), (2, 0.549), (3, 0.1657), (4, 0.0504), (8, 0.0), (16, 0.0)]
+        {
             let got = loss_db(bits, None);
             assert!((got - loss).abs() < 0.015, "{bits} bits: {got} dB, not {loss}");
         }

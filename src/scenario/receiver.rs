@@ -197,7 +197,9 @@ mod tests {
             let s = path.state(elapsed);
             // Rounding of 1000 s in double precision: 1e-13 s.
             assert!((s.clock_reading - s.time - s.clock_bias_s).abs() < 2e-13);
-            assert!((s.clock_bias_s - (1e-3 + 2e-6 / (1.0 + 2e-6) * elapsed)).abs() < 1e-18 + 1e-15);
+            assert!(
+                (s.clock_bias_s - (1e-3 + 2e-6 / (1.0 + 2e-6) * elapsed)).abs() < 1e-18 + 1e-15
+            );
         }
     }
 }

@@ -55,7 +55,9 @@ impl Scenario {
                 _ => Ok(valid),
             };
         };
-        if let Some(sv) = list.iter().enumerate().find_map(|(k, sv)| list[..k].contains(sv).then_some(sv)) {
+        if let Some(sv) =
+            list.iter().enumerate().find_map(|(k, sv)| list[..k].contains(sv).then_some(sv))
+        {
             return Err(ScenarioError::Duplicate { sv: *sv });
         }
         list.iter().map(|&sv| self.ephemeris(data, sv)).collect()

@@ -203,8 +203,7 @@ impl Antenna {
         let (begin, end) = (range(k), range(k + 1));
 
         // Code: satellite time of transmission, in whole code periods since the GPS epoch and chips.
-        let (seconds, fraction) =
-            (start + (elapsed - begin.code_m / SPEED_OF_LIGHT)).parts();
+        let (seconds, fraction) = (start + (elapsed - begin.code_m / SPEED_OF_LIGHT)).parts();
         let periods = fraction / CA_CODE_PERIOD;
         let period = seconds * 1000 + periods.floor() as i64;
         let chip = periods.fract() * CA_CODE_LENGTH as f64;
