@@ -2,6 +2,7 @@
 
 mod info;
 mod input;
+mod simulate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -17,12 +18,14 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Info(info::Info),
+    Simulate(simulate::Simulate),
 }
 
 /// Runs the command line and gives the exit code: 0 the asked result, 1 no fix, 2 usage or input.
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Info(args) => info::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
     };
     result.unwrap_or_else(|error| {
         eprintln!("sdr-rx: {error:#}");
