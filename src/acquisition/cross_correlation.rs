@@ -16,6 +16,10 @@ const STEPS: usize = 4;
 /// A detection can be a shadow only where a stronger satellite explains this share of its power.
 const EXPLAINED: f64 = 0.2;
 
+/// What a search cell may lose of a satellite between its bins: a quarter chip (2.5 dB) and half a
+/// Doppler bin (0.9 dB). The stronger satellite may be that much stronger than it was measured.
+const SCALLOPING: f64 = 2.2;
+
 /// Standard deviations by which noise may lift a shadow: the greatest of the many cells it is cast on.
 const LIFTED: f64 = 5.0;
 
@@ -36,9 +40,9 @@ pub fn remove_shadows(
         let measured = snr(&weak);
         let explained = |strong: &&Acquisition| {
             // No two C/A codes correlate to more than -19 dB at any Doppler.
-            let most = snr(strong) / 80.0;
+            let most = SCALLOPING * snr(strong) / 80.0;
             most > EXPLAINED * measured && {
-                let shadow = snr(strong) * cross_power(strong, &weak, coherent_ms);
+                let shadow = SCALLOPING * snr(strong) * cross_power(strong, &weak, coherent_ms);
                 let lift = LIFTED * ((1.0 + 2.0 * shadow) / windows as f64).sqrt();
                 shadow > EXPLAINED * measured && measured < shadow + lift
             }

@@ -4,6 +4,7 @@
 //! then measures what was found to a fraction of a chip and of a hertz over as much signal as there is,
 //! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
 
+pub mod carrier;
 mod cross_correlation;
 mod refine;
 mod search;

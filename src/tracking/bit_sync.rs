@@ -1,20 +1,23 @@
 //! Bit synchronisation and bits.
 //!
-//! For each of the 20 possible edges the energy of the bits summed from it is accumulated; the log
-//! likelihood of an edge is that energy over 20 times the noise power of a prompt (Kaplan & Hegarty, 3rd
-//! ed., 8.12). It needs frequency lock, not phase lock.
+//! The likeliest edge is searched together with what is left of the Doppler ([`estimate_carrier`]): it
+//! needs neither phase lock nor a perfect frequency.
 
+use crate::acquisition::carrier::estimate_carrier;
 use num_complex::Complex64;
 
 /// Code periods in a data bit.
 pub const PERIODS_PER_BIT: usize = 20;
 
-/// Log-likelihood by which the best edge must beat the second: odds of 20 000.
-const ODDS: f64 = 10.0;
-
 /// Least signal-to-noise ratio of a prompt at which an edge can be believed (24.5 dB-Hz): in noise alone
 /// the ratio is 0.05 at most (one standard deviation, 400 prompts), and so a false edge a six-sigma event.
 const LEAST_SNR: f64 = 0.28;
+
+/// Prompts that are looked at, the latest.
+const RUN: usize = 600;
+
+/// How far the carrier loop may be off, Hz: false locks lie at multiples of 25.
+const SPAN_HZ: f64 = 60.0;
 
 /// Prompts after which the search starts anew: the loops may have been unlocked.
 const PATIENCE: usize = 4000;
@@ -90,27 +93,19 @@ impl BitSynchroniser {
         }
     }
 
+    /// Edge (modulo 20), once certain.
     fn decide(&self) -> Option<u64> {
-        let n = PERIODS_PER_BIT;
-        // Noise power of a prompt: total power less the correlation of neighbours.
-        let total: f64 = self.history.iter().map(|p| p.norm_sqr()).sum();
-        let neighbours: Complex64 = self.history.windows(2).map(|w| w[1] * w[0].conj()).sum();
-        let noise =
-            ((total - neighbours.norm()) / self.history.len() as f64).max(f64::MIN_POSITIVE);
-        if neighbours.norm() / self.history.len() as f64 / noise < LEAST_SNR {
+        let count = self.history.len();
+        let skipped = count.saturating_sub(RUN);
+        let run = &self.history[skipped..];
+        let total: f64 = run.iter().map(|p| p.norm_sqr()).sum();
+        let neighbours: Complex64 = run.windows(2).map(|w| w[1] * w[0].conj()).sum();
+        if neighbours.norm() < LEAST_SNR * (total - neighbours.norm()) {
             return None;
         }
-        let energy = |edge: usize| {
-            let bits = self.history[edge..].chunks_exact(n);
-            let count = bits.len() as f64;
-            bits.map(|b| b.iter().sum::<Complex64>().norm_sqr()).sum::<f64>() / count
-        };
-        let energies: Vec<f64> = (0..n).map(energy).collect();
-        let best = (0..n).max_by(|&a, &b| energies[a].total_cmp(&energies[b]))?;
-        let second = (0..n).filter(|&e| e != best).map(|e| energies[e]).fold(0.0, f64::max);
-        let bits = (self.history.len() / n) as f64;
-        let odds = (energies[best] - second) * bits / (n as f64 * noise);
-        (odds > ODDS).then_some((self.first + best as u64) % n as u64)
+        let carrier = estimate_carrier(run, SPAN_HZ)?;
+        let first = self.first + skipped as u64;
+        Some((first + carrier.bit_edge? as u64) % PERIODS_PER_BIT as u64)
     }
 }
 

@@ -218,7 +218,7 @@ impl Channel {
         let in_bit = |period: u64| {
             edge.map(|e| (period + PERIODS_PER_BIT as u64 - e) % PERIODS_PER_BIT as u64)
         };
-        let false_lock = self.lock.push(sums[1], in_bit(self.period) == Some(0));
+        let false_lock = self.lock.push(sums[1], in_bit(self.period));
         self.bits.push(self.period, sums[1], bits);
         self.period += 1;
         for (sum, new) in self.interval.taps.iter_mut().zip(sums) {

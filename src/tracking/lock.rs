@@ -1,8 +1,9 @@
 //! C/N0 and lock, from the correlation of neighbouring prompts.
 //!
 //! With p\[k\] the 1 ms prompts inside a data bit, R0 = E|p\[k\]|^2 = S + N and R1 = E p\[k+1\] p\[k\]* =
-//! S exp(j 2 pi df 1 ms): white noise drops out of R1 whatever its power. C/N0 = |R1| / (R0 - |R1|) / 1 ms,
-//! and the angle of R1 is the frequency error df, which betrays a false lock. Neither needs carrier phase.
+//! S exp(j 2 pi df 1 ms): white noise drops out of R1 whatever its power, and C/N0 = |R1| / (R0 - |R1|) /
+//! 1 ms. Neither needs carrier phase. Where bits are known, the second half of a bit against its first,
+//! summed over ten bits, turns by 2 pi df 10 ms: that betrays a false lock of the carrier loop.
 
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -12,6 +13,9 @@ const BLOCK: usize = 200;
 
 /// A block below this C/N0 speaks of loss, dB-Hz: six standard deviations from a satellite at 30.
 const LOSS_DBHZ: f64 = 24.5;
+
+/// Bits summed for one look at the frequency.
+const BITS: usize = 10;
 
 /// Consecutive bad blocks that mean loss.
 const BAD_BLOCKS: usize = 3;
@@ -41,35 +45,57 @@ pub struct LockDetector {
     noise: f64,
     blocks: usize,
     bad: usize,
+    /// Sums of the first and the second half of the present bit.
+    halves: [Complex64; 2],
+    turn: Complex64,
+    bits: usize,
 }
 
 impl LockDetector {
-    /// Takes a prompt; `new_bit` when a data bit starts with it (or may). Gives, at the end of each block,
+    /// Takes a prompt and its place in the data bit (0 to 19) where that is known. Gives, once in ten bits,
     /// the frequency error in Hz if it is certain (five standard deviations).
-    pub fn push(&mut self, prompt: Complex64, new_bit: bool) -> Option<f64> {
-        if let Some(last) = self.last.replace(prompt).filter(|_| !new_bit) {
+    pub fn push(&mut self, prompt: Complex64, place: Option<u64>) -> Option<f64> {
+        if let Some(last) = self.last.replace(prompt).filter(|_| place != Some(0)) {
             self.r0 += 0.5 * (prompt.norm_sqr() + last.norm_sqr());
             self.r1 += prompt * last.conj();
             self.pairs += 1;
         }
-        (self.pairs >= BLOCK).then(|| self.end_block()).flatten()
+        if self.pairs >= BLOCK {
+            self.end_block();
+        }
+        let place = place?;
+        if place == 0 {
+            self.halves = [Complex64::ZERO; 2];
+        }
+        self.halves[usize::from(place >= 10)] += prompt;
+        if place == 19 { self.end_bit() } else { None }
     }
 
-    fn end_block(&mut self) -> Option<f64> {
+    fn end_bit(&mut self) -> Option<f64> {
+        let [first, second] = self.halves;
+        self.turn += second * first.conj();
+        self.bits += 1;
+        if self.bits < BITS {
+            return None;
+        }
+        let angle = self.turn.arg();
+        (self.turn, self.bits) = (Complex64::ZERO, 0);
+        // Phase noise of a product of two halves of power ratio N/S each: sqrt(N/S (1 + N/2S)).
+        let ratio = self.noise / (10.0 * self.signal).max(f64::MIN_POSITIVE);
+        let sigma = (ratio * (1.0 + 0.5 * ratio) / BITS as f64).sqrt();
+        (self.blocks > 0 && angle.abs() > 5.0 * sigma).then_some(angle / TAU * 100.0)
+    }
+
+    fn end_block(&mut self) {
         let pairs = self.pairs as f64;
         let (signal, total) = (self.r1.norm() / pairs, self.r0 / pairs);
         let noise = (total - signal).max(1e-9 * total);
-        let angle = self.r1.arg();
         (self.r0, self.r1, self.pairs) = (0.0, Complex64::ZERO, 0);
         self.blocks += 1;
         let weight = 1.0 / (self.blocks as f64).min(AVERAGED);
         self.signal += weight * (signal - self.signal);
         self.noise += weight * (noise - self.noise);
         self.bad = if cn0_dbhz(signal, noise) < LOSS_DBHZ { self.bad + 1 } else { 0 };
-        // Phase noise of R1: sqrt(N/S (1 + N/2S) / pairs) for independent pairs.
-        let ratio = noise / signal.max(f64::MIN_POSITIVE);
-        let sigma = (ratio * (1.0 + 0.5 * ratio) / pairs).sqrt();
-        (angle.abs() > 5.0 * sigma).then_some(angle / TAU * 1e3)
     }
 
     /// C/N0 over the last second, dB-Hz; None before the first 0.2 s.
@@ -109,7 +135,7 @@ mod tests {
             let noise = Complex64::new(normal(), normal()) / 2f64.sqrt();
             let bit = if k / 20 * 7 % 3 == 0 { -1.0 } else { 1.0 };
             let prompt = Complex64::cis(TAU * df * k as f64 * 1e-3) * amplitude * bit + noise;
-            errors.extend(detector.push(prompt, k % 20 == 0));
+            errors.extend(detector.push(prompt, Some(k as u64 % 20)));
         }
         (detector, errors)
     }
