@@ -160,6 +160,16 @@ impl Level {
                  real read as complex, or a wrong number of channels)"
             ),
         );
+        let magnitudes = self.values.iter().flatten().map(|(value, _)| f64::from(value.abs()));
+        let least = magnitudes.fold(f64::INFINITY, f64::min);
+        doubt(
+            least > 0.6 * self.peak && least < self.peak,
+            format!(
+                "all numbers lie between {least} and {} in magnitude, none near 0: the sample type may \
+                 be wrong (signed for unsigned)",
+                self.peak
+            ),
+        );
         let many_levels = self.values.as_ref().is_none_or(|v| v.len() > 8);
         doubt(
             many_levels && self.kurtosis < 1.7 && !is_constant,
@@ -227,6 +237,9 @@ mod tests {
         assert!(level(&pairs(&|v| f32::from(v))).doubts().is_empty());
         // cs8 read as cu8: small numbers go to both ends.
         assert!(!level(&pairs(&|v| f32::from(v as u8) - 127.5)).doubts().is_empty());
+        // A few levels of a coarse converter, likewise.
+        let coarse = |v: i8| f32::from((if v < 0 { 2 * v.signum() + 1 } else { 3 }) as u8) - 127.5;
+        assert!(!level(&pairs(&coarse)).doubts().is_empty());
         // cs16 read as cs8: low bytes in I, high bytes in Q.
         let halves: Vec<Complex32> = integers
             .iter()
