@@ -2,7 +2,6 @@
 
 use num_complex::{Complex32, Complex64};
 use serde::Serialize;
-use std::collections::BTreeMap;
 
 /// Most distinct values that are counted one by one.
 const MAX_LEVELS: usize = 16;
@@ -48,7 +47,7 @@ pub struct LevelMeter {
     product: f64,
     peak: f32,
     peak_count: u64,
-    values: BTreeMap<u32, u64>,
+    values: Vec<(f32, u64)>,
     too_many: bool,
 }
 
@@ -79,7 +78,10 @@ impl LevelMeter {
         }
         self.peak_count += u64::from(magnitude == self.peak);
         if !self.too_many {
-            *self.values.entry((value + 0.0).to_bits()).or_default() += 1;
+            match self.values.iter_mut().find(|(known, _)| *known == value) {
+                Some((_, count)) => *count += 1,
+                None => self.values.push((value, 1)),
+            }
             self.too_many = self.values.len() > MAX_LEVELS;
         }
     }
@@ -106,9 +108,9 @@ impl LevelMeter {
         let numbers = n * parts as f64;
         // The zeros that stand for Q of real samples are no values.
         let zero_q = if real { self.samples } else { 0 };
-        let share = |(&bits, &count): (&u32, &u64)| {
-            let count = if bits == 0 { count - zero_q } else { count };
-            (count > 0).then_some((f32::from_bits(bits), count as f64 / numbers))
+        let share = |&(value, count): &(f32, u64)| {
+            let count = if value == 0.0 { count - zero_q } else { count };
+            (count > 0).then_some((value, count as f64 / numbers))
         };
         let mut values: Vec<(f32, f64)> = self.values.iter().filter_map(share).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
