@@ -1,1 +1,125 @@
-//! placeholder
+//! Striking out detections that are only the cross-correlation with a stronger satellite.
+//!
+//! Two C/A codes correlate to up to -23.9 dB at equal Dopplers, and to about -21 dB where the Dopplers
+//! differ by a multiple of 1 kHz (Kaplan & Hegarty, 3rd ed., 8.7.2). How much of a weak detection a given
+//! strong satellite explains follows from the two codes, phases and Dopplers, so it is computed.
+
+use super::Acquisition;
+use crate::gnss::constants::CA_CODE_LENGTH;
+use crate::gnss::prn_code::ca_code;
+use num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// Steps per chip of the correlation integral.
+const STEPS: usize = 4;
+
+/// A detection can be a shadow only where a stronger satellite explains this share of its power.
+const EXPLAINED: f64 = 0.2;
+
+/// Standard deviations by which noise may lift a shadow: the greatest of the many cells it is cast on.
+const LIFTED: f64 = 5.0;
+
+/// Removes detections that a stronger one explains, and gives each removed one with the satellite that
+/// casts it. All come from one search of `windows` windows of `coherent_ms`.
+pub fn remove_shadows(
+    found: &mut Vec<Acquisition>,
+    coherent_ms: usize,
+    windows: usize,
+) -> Vec<(Acquisition, Acquisition)> {
+    found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
+    let mut shadows = Vec::new();
+    let mut kept: Vec<Acquisition> = Vec::new();
+    for weak in found.drain(..) {
+        // Powers in units of the noise of one window; noise lifts their mean over the windows by
+        // sqrt((1 + 2 power) / windows).
+        let snr = |a: &Acquisition| 10f64.powf(a.cn0_dbhz / 10.0) * coherent_ms as f64 * 1e-3;
+        let measured = snr(&weak);
+        let explained = |strong: &&Acquisition| {
+            // No two C/A codes correlate to more than -19 dB at any Doppler.
+            let most = snr(strong) / 80.0;
+            most > EXPLAINED * measured && {
+                let shadow = snr(strong) * cross_power(strong, &weak, coherent_ms);
+                let lift = LIFTED * ((1.0 + 2.0 * shadow) / windows as f64).sqrt();
+                shadow > EXPLAINED * measured && measured < shadow + lift
+            }
+        };
+        match kept.iter().find(explained) {
+            Some(strong) => shadows.push((weak, *strong)),
+            None => kept.push(weak),
+        }
+    }
+    *found = kept;
+    shadows
+}
+
+/// Power of `strong`'s signal of unit power in a correlator set to `weak`, the greatest within half a
+/// chip of its code phase.
+fn cross_power(strong: &Acquisition, weak: &Acquisition, coherent_ms: usize) -> f64 {
+    let periods = coherent_ms as f64;
+    let khz = (strong.doppler_hz - weak.doppler_hz) * 1e-3;
+    let beat = khz - khz.round();
+    let dirichlet = if beat.abs() < 1e-9 {
+        1.0
+    } else {
+        ((TAU / 2.0 * beat * periods).sin() / (periods * (TAU / 2.0 * beat).sin())).powi(2)
+    };
+    let (a, b) = (ca_code(strong.sv), ca_code(weak.sv));
+    let chip = |code: &[i8; CA_CODE_LENGTH], phase: f64| {
+        f64::from(code[(phase.floor() as i64).rem_euclid(CA_CODE_LENGTH as i64) as usize])
+    };
+    let total = CA_CODE_LENGTH * STEPS;
+    let power = |shift: f64| {
+        let sum: Complex64 = (0..total)
+            .map(|n| {
+                let chips = (n as f64 + 0.5) / STEPS as f64;
+                let product = chip(&a, strong.code_phase_chips + chips)
+                    * chip(&b, weak.code_phase_chips + shift + chips);
+                Complex64::cis(TAU * khz * n as f64 / total as f64) * product
+            })
+            .sum();
+        (sum / total as f64).norm_sqr()
+    };
+    [-0.5, -0.25, 0.0, 0.25, 0.5].into_iter().map(power).fold(0.0, f64::max) * dirichlet
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{SearchOptions, SearchPlan};
+    use super::*;
+    use crate::correlator::test_signal::TestSignal;
+    use crate::gnss::Sv;
+
+    #[test]
+    fn shadows_of_a_very_strong_satellite_go_and_a_real_weak_one_stays() {
+        let (rate, len) = (2.048e6, 655_360);
+        let strong: Sv = "G07".parse().unwrap();
+        let weak: Sv = "G21".parse().unwrap();
+        let signal = |sv, cn0_dbhz, doppler, seed| {
+            TestSignal {
+                rate,
+                doppler,
+                delay_s: 0.3e-3,
+                cn0_dbhz,
+                fade_db: 0.0,
+                fade_s: 0.0,
+                bit_edge: 3,
+                seed,
+            }
+            .samples(sv, len)
+        };
+        // 53 dB-Hz: its shadows are up to 32 dB-Hz, over the threshold after 32 windows of 10 ms.
+        let mixed: Vec<_> = signal(strong, 53.0, 500.0, 1)
+            .iter()
+            .zip(signal(weak, 38.0, -1730.0, 2))
+            .map(|(a, b)| a + b)
+            .collect();
+        let plan =
+            SearchPlan::new(rate, SearchOptions { max_windows: 32, ..Default::default() }).unwrap();
+        let mut found = plan.search(&mixed).unwrap();
+        assert!(found.len() > 3, "no shadow was cast: the test proves nothing");
+        let shadows = remove_shadows(&mut found, 10, 32);
+        assert!(shadows.iter().all(|(_, by)| by.sv == strong));
+        let left: Vec<Sv> = found.iter().map(|a| a.sv).collect();
+        assert_eq!(left, [strong, weak], "{found:.1?}");
+    }
+}

@@ -2,13 +2,14 @@
 //!
 //! [`SearchPlan`] looks at every code phase and Doppler of a few tens of milliseconds, [`Refiner`]
 //! then measures what was found to a fraction of a chip and of a hertz over as much signal as there is,
-//! and [`cross_correlation`] strikes out what is only the shadow of a stronger satellite.
+//! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
 
-pub mod cross_correlation;
+mod cross_correlation;
 mod refine;
 mod search;
 pub mod statistics;
 
+pub use cross_correlation::remove_shadows;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 

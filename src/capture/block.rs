@@ -23,9 +23,20 @@ impl Block {
         self.first_sample = first_sample;
     }
 
+    /// Keeps the first `len` samples of each channel; a shorter block stays as it is.
+    pub fn truncate(&mut self, len: usize) {
+        let old = self.len();
+        if len < old {
+            for c in 1..self.channels {
+                self.samples.copy_within(c * old..c * old + len, c * len);
+            }
+            self.samples.truncate(self.channels * len);
+        }
+    }
+
     /// Number of samples of each channel.
     pub fn len(&self) -> usize {
-        if self.channels == 0 { 0 } else { self.samples.len() / self.channels }
+        self.samples.len().checked_div(self.channels).unwrap_or(0)
     }
 
     /// Whether the block holds no sample.

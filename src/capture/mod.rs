@@ -1,7 +1,27 @@
 //! Recordings and live streams as blocks of complex baseband samples.
 
 mod block;
+mod error;
+mod file_source;
+pub mod ion;
+pub mod ion_bits;
+mod lane;
+mod number;
+mod open;
+mod options;
+mod packing;
+mod sample_format;
+pub mod sigmf;
+mod sigmf_writer;
 mod source;
+mod wav;
 
 pub use block::Block;
+pub use error::CaptureError;
+pub use number::Number;
+pub use open::open;
+pub use options::{Layout, OpenOptions};
+pub use packing::{BitOrder, Component, Encoding, Packing};
+pub use sample_format::{FORMAT_NAMES, SampleFormat};
+pub use sigmf_writer::{Datatype, SigmfWriter};
 pub use source::{SampleSource, SourceError, StreamInfo};

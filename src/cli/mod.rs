@@ -1,5 +1,9 @@
 //! The commands: one file each, and no signal processing.
 
+mod info;
+mod input;
+mod simulate;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -12,9 +16,19 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Info(info::Info),
+    Simulate(simulate::Simulate),
+}
 
 /// Runs the command line and gives the exit code: 0 the asked result, 1 no fix, 2 usage or input.
 pub fn main() -> ExitCode {
-    match Cli::parse().command {}
+    let result = match Cli::parse().command {
+        Command::Info(args) => info::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("sdr-rx: {error:#}");
+        ExitCode::from(2)
+    })
 }

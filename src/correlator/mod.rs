@@ -7,6 +7,8 @@
 mod buffer;
 mod code_table;
 mod kernel;
+#[cfg(test)]
+pub(crate) mod test_signal;
 
 pub use buffer::SampleBuffer;
 pub use code_table::{CodeTable, Taps};

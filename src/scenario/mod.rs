@@ -1,1 +1,34 @@
 //! Scenarios: captures made from first principles, with known truth.
+//!
+//! A [`Scenario`] (a TOML file) says where the orbits come from, where the receiver is, how it moves and
+//! what its clock does, how strong the signals are, and what noise and front end do to them.
+//! [`ScenarioSource`] gives the samples as any other source does, and the truth at any sample.
+//!
+//! The chain, one file each: `constellation` and navigation files give ephemerides; `pseudorange` the
+//! exact code and carrier range by the receiver's clock; `message` the bits; `kernel` turns
+//! them into samples at the antenna; `noise` adds to them; `front_end` (with `fir` and `quantiser`)
+//! makes of them what an ADC gives.
+
+pub mod config;
+pub mod constellation;
+mod error;
+pub mod fir;
+pub mod front_end;
+pub mod kernel;
+pub mod message;
+pub mod noise;
+pub mod pseudorange;
+pub mod quantiser;
+mod raw_writer;
+pub mod receiver;
+mod sky;
+mod source;
+mod truth;
+mod values;
+
+pub use config::Scenario;
+pub use error::ScenarioError;
+pub use front_end::{FrontEnd, StandardFrontEnd};
+pub use raw_writer::{RawFormat, RawWriter};
+pub use source::ScenarioSource;
+pub use truth::{SatelliteTruth, Truth, TruthEpoch};

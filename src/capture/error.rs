@@ -1,0 +1,102 @@
+//! Why a capture cannot be read or written.
+
+use super::sample_format::FORMAT_NAMES;
+use std::io;
+use std::path::PathBuf;
+
+/// Why a capture cannot be read or written: what was wrong, where, and what would be right.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CaptureError {
+    #[error("no capture was given: name a file, or '-' for standard input")]
+    NoInput,
+    #[error("cannot open capture '{}': {cause}", path.display())]
+    Open { path: PathBuf, cause: io::Error },
+    #[error("cannot read '{}' at byte {byte}: {cause}", path.display())]
+    Read { path: PathBuf, byte: u64, cause: io::Error },
+    #[error("'{}' is a directory: name the capture file in it", .0.display())]
+    Directory(PathBuf),
+    #[error(
+        "'{}' holds {bytes} bytes, less than one sample of type {format}: it is empty, cut off or \
+         of another type", path.display()
+    )]
+    Empty { path: PathBuf, bytes: u64, format: String },
+    #[error("sample type '{0}' is unknown: --format takes one of {FORMAT_NAMES}, wav")]
+    UnknownFormat(String),
+    #[error(
+        "the sample type of '{}' is not known from its name: add --format (one of {FORMAT_NAMES})",
+        .0.display()
+    )]
+    FormatNeeded(PathBuf),
+    #[error("the sample rate of '{}' is not known: add --rate, such as --rate 4M", .0.display())]
+    RateNeeded(PathBuf),
+    #[error("sample rate {0} Hz is impossible: it must be a finite number above 0, such as 4M")]
+    BadRate(f64),
+    #[error(
+        "intermediate frequency {0} Hz is impossible: it must be a finite number, such as 4.092M"
+    )]
+    BadIf(f64),
+    #[error(
+        "'{}' holds real samples ({format}), whose carrier lies at an intermediate frequency that \
+         is not known: add --if, such as --if 3M", path.display()
+    )]
+    IfNeeded { path: PathBuf, format: String },
+    #[error("{0} channels are impossible: --channels takes a number from 1 to 1024")]
+    BadChannels(usize),
+    #[error(
+        "--channels {asked} contradicts {found} channels that {what} gives: leave --channels out, \
+         or name other files"
+    )]
+    ChannelMismatch { asked: usize, found: usize, what: String },
+    #[error(
+        "'{}' and '{}' differ in {what} ({first_value} and {second_value}): files of one capture \
+         must agree", first.display(), second.display()
+    )]
+    FilesDiffer {
+        first: PathBuf,
+        second: PathBuf,
+        what: &'static str,
+        first_value: String,
+        second_value: String,
+    },
+    #[error("standard input ('-') cannot be joined with other files: give it alone")]
+    StdinWithOthers,
+    #[error(
+        "planar channels cannot be read from '{}', which is no regular file: save it to a file \
+         first, or use --layout interleaved", .0.display()
+    )]
+    PlanarStream(PathBuf),
+    #[error(
+        "'{}' holds {bytes} bytes, which are not {channels} planes of whole {format} samples: \
+         check --channels, --format and --layout", path.display()
+    )]
+    PlanarLength { path: PathBuf, bytes: u64, channels: usize, format: String },
+    #[error("--start {0} is impossible: it must be 0 or more seconds")]
+    BadStart(f64),
+    #[error("--duration {0} is impossible: it must be more than 0 seconds")]
+    BadDuration(f64),
+    #[error(
+        "--start {start_s} s lies beyond the end of '{}', which is {length_s} s long", path.display()
+    )]
+    StartBeyondEnd { path: PathBuf, start_s: f64, length_s: f64 },
+    #[error(
+        "the data file '{}' that '{}' describes is missing: put it beside its metadata, or name \
+         it after the metadata file", data.display(), metadata.display()
+    )]
+    MissingData { metadata: PathBuf, data: PathBuf },
+    #[error(
+        "the metadata file '{}' of '{}' is missing: put it there, or give --format and --rate",
+        metadata.display(), data.display()
+    )]
+    MissingMetadata { metadata: PathBuf, data: PathBuf },
+    #[error("'{}' line {line}, column {column}: {reason}", path.display())]
+    Metadata { path: PathBuf, line: usize, column: usize, reason: String },
+    #[error("'{}': {field}: {reason}", path.display())]
+    MetadataValue { path: PathBuf, field: String, reason: String },
+    #[error("'{}' is no WAV file that can be read: {reason}", path.display())]
+    Wav { path: PathBuf, reason: String },
+    #[error("cannot write '{}': {cause}", path.display())]
+    Write { path: PathBuf, cause: io::Error },
+    #[error("'{}': {reason}", path.display())]
+    Unwritable { path: PathBuf, reason: String },
+}

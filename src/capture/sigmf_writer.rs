@@ -1,0 +1,185 @@
+//! Writes a SigMF recording: data and metadata appear under their names only when complete.
+
+use super::sigmf::{Capture, Global, Metadata};
+use super::{Block, CaptureError, StreamInfo};
+use crate::gnss::GpsTime;
+use crate::gnss::constants::L1_HZ;
+use num_complex::Complex32;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Sample type of a recording to be written; real if the stream is real.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Datatype {
+    /// 8-bit integers: values are rounded, and clipped to -127..=127.
+    I8,
+    /// 16-bit integers, little-endian: rounded, and clipped to -32767..=32767.
+    I16,
+    /// IEEE 754 single precision, little-endian, unchanged.
+    F32,
+}
+
+/// A SigMF recording that is being written.
+pub struct SigmfWriter {
+    meta_path: PathBuf,
+    data_path: PathBuf,
+    data: BufWriter<NamedTempFile>,
+    metadata: Metadata,
+    datatype: Datatype,
+    real: bool,
+    channels: usize,
+    bytes: Vec<u8>,
+    clipped: u64,
+    samples: u64,
+}
+
+impl SigmfWriter {
+    /// Starts the recording `NAME.sigmf-meta` with its samples beside it in `NAME.sigmf-data`.
+    ///
+    /// Rate, number of channels, start time, real or complex, and the frequency at 0 Hz
+    /// (L1 less the intermediate frequency) come from `info`. Samples are written as they are: scale
+    /// them to the levels of the quantiser before.
+    ///
+    /// # Errors
+    /// When `meta_path` does not end in `.sigmf-meta`, or its folder cannot be written.
+    pub fn create(
+        meta_path: &Path,
+        info: &StreamInfo,
+        datatype: Datatype,
+        description: &str,
+    ) -> Result<Self, CaptureError> {
+        if meta_path.extension().is_none_or(|s| s != "sigmf-meta") {
+            let reason = "the name of SigMF metadata must end in .sigmf-meta".to_owned();
+            return Err(CaptureError::Unwritable { path: meta_path.to_owned(), reason });
+        }
+        let data_path = meta_path.with_extension("sigmf-data");
+        let data = temporary_beside(&data_path)?;
+        let kind = if info.real { 'r' } else { 'c' };
+        let number = match datatype {
+            Datatype::I8 => "i8",
+            Datatype::I16 => "i16_le",
+            Datatype::F32 => "f32_le",
+        };
+        let global = Global {
+            datatype: format!("{kind}{number}"),
+            sample_rate: Some(info.rate_hz),
+            version: "1.2.5".to_owned(),
+            num_channels: (info.channels != 1).then_some(info.channels),
+            description: Some(description.to_owned()),
+            recorder: Some(format!("sdr-rx {}", env!("CARGO_PKG_VERSION"))),
+            ..Global::default()
+        };
+        let capture = Capture {
+            sample_start: 0,
+            frequency: Some(L1_HZ - info.if_hz),
+            datetime: info.start_time.map(utc_nanoseconds),
+            header_bytes: None,
+        };
+        Ok(Self {
+            meta_path: meta_path.to_owned(),
+            data_path,
+            data: BufWriter::with_capacity(256 * 1024, data),
+            metadata: Metadata { global, captures: vec![capture], annotations: Vec::new() },
+            datatype,
+            real: info.real,
+            channels: info.channels,
+            bytes: Vec::new(),
+            clipped: 0,
+            samples: 0,
+        })
+    }
+
+    /// States the hardware (`core:hw`) that made the recording.
+    pub fn hardware(mut self, hw: &str) -> Self {
+        self.metadata.global.hw = Some(hw.to_owned());
+        self
+    }
+
+    /// Appends a block, channels interleaved by sample.
+    ///
+    /// # Errors
+    /// When the block has another number of channels than the stream, or the disk is full.
+    pub fn write(&mut self, block: &Block) -> Result<(), CaptureError> {
+        if block.channels() != self.channels {
+            let reason = format!("a block of {} channels, not {}", block.channels(), self.channels);
+            return Err(CaptureError::Unwritable { path: self.data_path.clone(), reason });
+        }
+        self.bytes.clear();
+        for k in 0..block.len() {
+            for c in 0..self.channels {
+                let Complex32 { re, im } = block.channel(c)[k];
+                self.push(re);
+                if !self.real {
+                    self.push(im);
+                }
+            }
+        }
+        self.samples += block.len() as u64;
+        self.data.write_all(&self.bytes).map_err(|e| self.failed(e))
+    }
+
+    /// Numbers (I or Q) that were clipped so far.
+    pub fn clipped(&self) -> u64 {
+        self.clipped
+    }
+
+    /// Samples of each channel written so far.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Completes the recording: data and metadata get their names.
+    ///
+    /// # Errors
+    /// When the disk is full or the files cannot be renamed.
+    pub fn finish(self) -> Result<(), CaptureError> {
+        let failed = |path: &Path, cause| CaptureError::Write { path: path.to_owned(), cause };
+        let file = self.data.into_inner().map_err(|e| failed(&self.data_path, e.into_error()))?;
+        let mut meta = temporary_beside(&self.meta_path)?;
+        serde_json::to_writer_pretty(&mut meta, &self.metadata)
+            .map_err(|e| failed(&self.meta_path, e.into()))?;
+        meta.write_all(b"\n").map_err(|e| failed(&self.meta_path, e))?;
+        file.persist(&self.data_path).map_err(|e| failed(&self.data_path, e.error))?;
+        meta.persist(&self.meta_path).map_err(|e| failed(&self.meta_path, e.error))?;
+        Ok(())
+    }
+
+    fn push(&mut self, x: f32) {
+        let limit = match self.datatype {
+            Datatype::I8 => 127.0,
+            Datatype::I16 => 32_767.0,
+            Datatype::F32 => return self.bytes.extend(x.to_le_bytes()),
+        };
+        let rounded = x.round();
+        self.clipped += u64::from(rounded.abs() > limit);
+        let level = rounded.clamp(-limit, limit) as i16;
+        match self.datatype {
+            Datatype::I8 => self.bytes.push(level as i8 as u8),
+            _ => self.bytes.extend(level.to_le_bytes()),
+        }
+    }
+
+    fn failed(&self, cause: std::io::Error) -> CaptureError {
+        CaptureError::Write { path: self.data_path.clone(), cause }
+    }
+}
+
+/// A temporary file in the folder of `path`, readable by others as a plain new file would be.
+fn temporary_beside(path: &Path) -> Result<NamedTempFile, CaptureError> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".sdr-rx-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
+        .tempfile_in(folder)
+        .map_err(|cause| CaptureError::Write { path: path.to_owned(), cause })
+}
+
+/// UTC in ISO 8601 with nanoseconds.
+fn utc_nanoseconds(t: GpsTime) -> String {
+    let (y, mo, d, h, mi, s) = (t + 0.5e-9).utc_calendar();
+    let ns = ((s.fract() * 1e9).floor() as u32).min(999_999_999);
+    format!("{y:04}-{mo:02}-{d:02}T{h:02}:{mi:02}:{:02}.{ns:09}Z", s.floor() as u32)
+}

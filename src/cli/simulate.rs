@@ -1,0 +1,143 @@
+//! `sdr-rx simulate`: a capture with known truth.
+
+use anyhow::{Context, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
+use sdr_rx::scenario::{RawFormat, RawWriter, Scenario, ScenarioSource};
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use tempfile::NamedTempFile;
+
+/// Samples of each channel that are made at a time.
+const BLOCK: usize = 1 << 18;
+
+/// Make a capture with known truth from a scenario
+///
+/// The samples are those of GPS L1 C/A as IS-GPS-200 says it, the truth is written beside them as
+/// NAME.truth.json. Files appear under their names when complete.
+///
+/// Example: sdr-rx simulate signals/static_8sv.toml --out static.sigmf-meta
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Simulate {
+    /// The scenario, a TOML file (see docs/scenario.md)
+    #[arg(value_name = "SCENARIO.toml")]
+    scenario: PathBuf,
+    /// NAME.sigmf-meta (samples in NAME.sigmf-data), or raw samples in NAME.cs8, .cs16, .cf32 or .b1, or -
+    /// for raw samples on standard output in the scenario's own type, without truth
+    #[arg(long, value_name = "CAPTURE")]
+    out: PathBuf,
+    /// Seconds to make, in place of the scenario's duration_s
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    duration: Option<f64>,
+    /// Seed of all random draws, in place of the scenario's
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+/// Makes the capture.
+pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
+    let mut scenario = Scenario::read(&args.scenario)?;
+    if let Some(duration) = args.duration {
+        if !(duration > 0.0 && duration.is_finite()) {
+            bail!("--duration {duration}: seconds to make must be above 0");
+        }
+        scenario.duration_s = duration;
+    }
+    scenario.seed = args.seed.unwrap_or(scenario.seed);
+    let mut source = ScenarioSource::new(&scenario)?;
+    if args.out == Path::new("-") {
+        let format = RawFormat::from_suffix(&source.info().format)
+            .context("--out -: real samples are written as SigMF only: give NAME.sigmf-meta")?;
+        let mut writer = RawWriter::new(io::stdout().lock(), format);
+        let written = copy(&mut source, |block| Ok(writer.write(block)?));
+        // A reader that has enough closes the pipe: that is no failure.
+        return match written.and_then(|()| Ok(writer.finish().map(drop)?)) {
+            Err(e) if is_broken_pipe(&e) => Ok(ExitCode::SUCCESS),
+            other => other.map(|()| ExitCode::SUCCESS),
+        };
+    }
+    let suffix = args.out.extension().and_then(|s| s.to_str()).unwrap_or_default();
+    if suffix == "sigmf-meta" {
+        let datatype = match source.info().format.trim_start_matches(['c', 'r']) {
+            "s8" => Datatype::I8,
+            "s16" => Datatype::I16,
+            _ => Datatype::F32,
+        };
+        let mut writer =
+            SigmfWriter::create(&args.out, source.info(), datatype, &scenario.description)?;
+        copy(&mut source, |block| Ok(writer.write(block)?))?;
+        write_truth(&args.out, &source)?;
+        writer.finish()?;
+    } else {
+        let format = RawFormat::from_suffix(suffix).filter(|_| !scenario.front_end.real);
+        let format = format.with_context(|| {
+            format!(
+                "--out '{}': the name must end in .sigmf-meta, or for complex samples in .cs8, .cs16, \
+                 .cf32 or .b1",
+                args.out.display()
+            )
+        })?;
+        let failed = || format!("writing '{}'", args.out.display());
+        let file = temporary_beside(&args.out).with_context(failed)?;
+        let mut writer = RawWriter::new(file, format);
+        copy(&mut source, |block| writer.write(block).with_context(failed))?;
+        let file = writer.finish().with_context(failed)?;
+        write_truth(&args.out, &source)?;
+        file.persist(&args.out).with_context(failed)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Takes all samples of the source, with a progress bar where standard error is a terminal.
+fn copy(
+    source: &mut ScenarioSource,
+    mut write: impl FnMut(&Block) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let samples = source.info().samples.unwrap_or(0);
+    let bar = if io::stderr().is_terminal() {
+        ProgressBar::new(samples)
+            .with_style(ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?)
+    } else {
+        ProgressBar::hidden()
+    };
+    let mut block = Block::default();
+    loop {
+        let read = source.read(&mut block, BLOCK).map_err(|e| anyhow::anyhow!(e))?;
+        if read == 0 {
+            bar.finish_and_clear();
+            return Ok(());
+        }
+        write(&block)?;
+        bar.inc(read as u64);
+    }
+}
+
+/// Writes the truth as NAME.truth.json beside the capture.
+fn write_truth(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
+    let path = out.with_extension("truth.json");
+    let failed = || format!("writing '{}'", path.display());
+    let mut file = temporary_beside(&path).with_context(failed)?;
+    let mut buffer = io::BufWriter::new(&mut file);
+    serde_json::to_writer_pretty(&mut buffer, &source.truth()).with_context(failed)?;
+    buffer.write_all(b"\n").and_then(|()| buffer.flush()).with_context(failed)?;
+    drop(buffer);
+    file.persist(&path).with_context(failed)?;
+    Ok(())
+}
+
+/// A temporary file in the folder of `path`, readable by others as a plain new file would be.
+fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".sdr-rx-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
+    kind == Some(io::ErrorKind::BrokenPipe)
+}

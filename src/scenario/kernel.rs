@@ -1,0 +1,120 @@
+//! The signal kernel: chips by a numerically controlled oscillator, carrier by a rotating phasor.
+//!
+//! Both run over one segment (at most 1 ms) with constant rates; every segment is anchored anew in
+//! double precision, so single precision never accumulates beyond it. No fused multiply-add is
+//! used: every instruction set gives the same bytes.
+
+use crate::gnss::constants::CA_CODE_LENGTH;
+use multiversion::multiversion;
+use num_complex::Complex64;
+
+/// Entries of a chip table: two code periods and a little more, so that a segment of one period that
+/// starts anywhere in the first needs no wrap.
+pub const TABLE: usize = 2048;
+/// Fraction bits of the code phase: 11 integer bits index the table, so a step of 2^-53 chips is kept.
+const FRACTION_BITS: u32 = 53;
+/// Samples whose phasors advance side by side.
+const LANES: usize = 16;
+
+/// A chip table of one satellite's code (+1, -1), repeated.
+pub fn chip_table(code: &[i8; CA_CODE_LENGTH]) -> Box<[f32; TABLE]> {
+    Box::new(std::array::from_fn(|i| f32::from(code[i % CA_CODE_LENGTH])))
+}
+
+/// Writes into `chips` the table's value at code phase `start` + k `step` (chips, `start` in
+/// [0, 1023), `step` >= 0, the last below 2048) for each sample k: one multiply, shift and look-up
+/// per sample.
+pub fn spread(table: &[f32; TABLE], start: f64, step: f64, chips: &mut [f32]) {
+    let scale = (1u64 << FRACTION_BITS) as f64;
+    spread_fixed(table, (start * scale) as u64, (step * scale) as u64, chips);
+}
+
+#[multiversion(targets("x86_64+avx2+bmi2", "aarch64+neon"))]
+fn spread_fixed(table: &[f32; TABLE], start: u64, step: u64, chips: &mut [f32]) {
+    let mut phase = start;
+    for chip in chips {
+        *chip = table[(phase >> FRACTION_BITS) as usize];
+        phase = phase.wrapping_add(step);
+    }
+}
+
+/// Adds `chips` times the phasor `start` exp(j 2 pi k `cycles`) to (`re`, `im`); the three slices are of
+/// one length. `start` carries amplitude, initial phase and, with an array, the element's steering:
+/// call it once per channel with the same chips. Eight operations a sample and 16-fold parallel;
+/// single precision leaves a phase error below 2^-24 rad x samples / 16, 8e-6 rad over 2048 samples.
+pub fn mix_add(chips: &[f32], start: Complex64, cycles: f64, re: &mut [f32], im: &mut [f32]) {
+    let step = Complex64::cis(std::f64::consts::TAU * cycles);
+    let mut phasor = start;
+    let mut lanes = ([0.0; LANES], [0.0; LANES]);
+    let mut rotation = Complex64::ONE;
+    for lane in 0..LANES {
+        lanes.0[lane] = phasor.re as f32;
+        lanes.1[lane] = phasor.im as f32;
+        phasor *= step;
+        rotation *= step;
+    }
+    mix_add_lanes(chips, lanes, (rotation.re as f32, rotation.im as f32), re, im);
+}
+
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn mix_add_lanes(
+    chips: &[f32],
+    lanes: ([f32; LANES], [f32; LANES]),
+    rotation: (f32, f32),
+    re: &mut [f32],
+    im: &mut [f32],
+) {
+    let (mut c, mut s) = lanes;
+    let (chips, chip_rest) = chips.as_chunks::<LANES>();
+    let (re, re_rest) = re.as_chunks_mut::<LANES>();
+    let (im, im_rest) = im.as_chunks_mut::<LANES>();
+    for ((chip, re), im) in chips.iter().zip(re).zip(im) {
+        for l in 0..LANES {
+            re[l] += chip[l] * c[l];
+            im[l] += chip[l] * s[l];
+            let turned = c[l] * rotation.0 - s[l] * rotation.1;
+            s[l] = c[l] * rotation.1 + s[l] * rotation.0;
+            c[l] = turned;
+        }
+    }
+    for (l, ((chip, re), im)) in chip_rest.iter().zip(re_rest).zip(im_rest).enumerate() {
+        *re += chip * c[l];
+        *im += chip * s[l];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gnss::{Sv, prn_code::ca_code};
+
+    #[test]
+    fn kernels_agree_with_their_plain_scalar_twins() {
+        let code = ca_code(Sv::from_prn(7).unwrap());
+        let table = chip_table(&code);
+        for (start, step, cycles, len) in [
+            (0.0, 0.39346, 1.7e-3, 2048),
+            (1022.999, 0.4999, -0.31, 2047),
+            (511.3, 0.05, 0.002, 100),
+            (17.0, 1.0, 0.5, 15),
+        ] {
+            let mut chips = vec![0.0; len];
+            spread(&table, start, step, &mut chips);
+            let (mut re, mut im) = (vec![0.25f32; len], vec![-0.5f32; len]);
+            let first = Complex64::from_polar(0.7, 1.1);
+            mix_add(&chips, first, cycles, &mut re, &mut im);
+            for k in 0..len {
+                let phase: f64 = start + step * k as f64;
+                // 2^-53 chips x 2048 steps: no tie is that near a chip's edge here, except exact ones.
+                let chip = f64::from(code[phase.floor() as usize % CA_CODE_LENGTH]);
+                assert_eq!(f64::from(chips[k]), chip, "sample {k}");
+                let turn = Complex64::cis(std::f64::consts::TAU * cycles * k as f64);
+                let exact = first * turn * chip + Complex64::new(0.25, -0.5);
+                let got = Complex64::new(f64::from(re[k]), f64::from(im[k]));
+                // Three roundings of 2^-24 per turn of 16 lanes, coherent in the worst case.
+                let bound = 2f64.powi(-24) * (4.0 + 3.0 * (k / LANES) as f64);
+                assert!((got - exact).norm() < bound, "sample {k}: {got} {exact}");
+            }
+        }
+    }
+}

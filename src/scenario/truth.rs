@@ -1,0 +1,135 @@
+//! What is true of a simulated capture.
+
+use super::sky::Emitter;
+use super::{Scenario, ScenarioSource};
+use crate::capture::SampleSource;
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH};
+use crate::gnss::coordinates::Geodetic;
+use serde::Serialize;
+
+/// The truth of a capture, as it is written beside it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Truth {
+    /// Name of this layout: `sdr-rx-truth/1`.
+    pub schema: &'static str,
+    /// The scenario with all defaults.
+    pub scenario: Scenario,
+    /// The first sample, and the first at or after each second.
+    pub epochs: Vec<TruthEpoch>,
+}
+
+/// The truth at one sample.
+#[derive(Clone, Debug, Serialize)]
+pub struct TruthEpoch {
+    /// Index of the sample.
+    pub sample: u64,
+    /// GPS week.
+    pub gps_week: i32,
+    /// True GPS time of week, s.
+    pub tow_s: f64,
+    /// Antenna position, m, ECEF.
+    pub position_ecef_m: [f64; 3],
+    /// Latitude, degrees.
+    pub latitude_deg: f64,
+    /// Longitude, degrees.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+    /// Velocity, m/s, ECEF.
+    pub velocity_ecef_mps: [f64; 3],
+    /// Receiver clock minus GPS time, s.
+    pub clock_bias_s: f64,
+    /// Rate of that, s/s.
+    pub clock_drift_sps: f64,
+    /// The satellites.
+    pub satellites: Vec<SatelliteTruth>,
+}
+
+/// The truth of one satellite at one sample.
+#[derive(Clone, Debug, Serialize)]
+pub struct SatelliteTruth {
+    /// The satellite.
+    pub sv: Sv,
+    /// Position at transmission in the ECEF frame of reception, m.
+    pub position_ecef_m: [f64; 3],
+    /// Satellite clock minus GPS time for an L1 C/A user, s.
+    pub clock_bias_s: f64,
+    /// Satellite time of week of transmission, s.
+    pub transmit_tow_s: f64,
+    /// Geometric range, m.
+    pub range_m: f64,
+    /// Code pseudorange by the receiver's clock, m.
+    pub pseudorange_m: f64,
+    /// Carrier phase, cycles, growing with the range; the phase of the baseband signal is minus this.
+    pub carrier_phase_cycles: f64,
+    /// Apparent Doppler by the receiver's clock, Hz: positive when the satellite approaches.
+    pub doppler_hz: f64,
+    /// Code phase, chips in [0, 1023).
+    pub code_phase_chips: f64,
+    /// Azimuth, degrees from north over east.
+    pub azimuth_deg: f64,
+    /// Elevation, degrees.
+    pub elevation_deg: f64,
+    /// Carrier-to-noise density of the background noise, dB-Hz.
+    pub cn0_dbhz: f64,
+}
+
+impl ScenarioSource {
+    /// The truth of the whole capture.
+    pub fn truth(&self) -> Truth {
+        let rate = self.info().rate_hz;
+        let samples = self.info().samples.unwrap_or(0);
+        let epochs = (0u64..)
+            .map(|second| (second as f64 * rate).ceil() as u64)
+            .take_while(|&sample| sample == 0 || sample < samples)
+            .map(|sample| self.truth_at(sample))
+            .collect();
+        Truth { schema: "sdr-rx-truth/1", scenario: self.scenario().clone(), epochs }
+    }
+
+    /// The truth at one sample: exact, not from the interpolation that made the signal.
+    pub fn truth_at(&self, sample: u64) -> TruthEpoch {
+        let elapsed = sample as f64 / self.info().rate_hz;
+        let receiver = self.emitters()[0].range.path().trajectory.state(elapsed);
+        let place = Geodetic::from_ecef(&receiver.position_m);
+        TruthEpoch {
+            sample,
+            gps_week: receiver.time.week(),
+            tow_s: receiver.time.tow(),
+            position_ecef_m: receiver.position_m.into(),
+            latitude_deg: place.latitude.to_degrees(),
+            longitude_deg: place.longitude.to_degrees(),
+            height_m: place.height,
+            velocity_ecef_mps: receiver.velocity_mps.into(),
+            clock_bias_s: receiver.clock_bias_s,
+            clock_drift_sps: receiver.clock_drift_sps,
+            satellites: self
+                .emitters()
+                .iter()
+                .map(|e| satellite_truth(self.scenario(), e, elapsed))
+                .collect(),
+        }
+    }
+}
+
+fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> SatelliteTruth {
+    let path = emitter.range.path();
+    let view = path.view(elapsed);
+    let transmit = path.transmit_time(elapsed, &view.pseudorange);
+    let periods = transmit.parts().1 / CA_CODE_PERIOD;
+    SatelliteTruth {
+        sv: emitter.sv,
+        position_ecef_m: view.propagation.satellite.position_m.into(),
+        clock_bias_s: view.propagation.satellite.clock_bias_s,
+        transmit_tow_s: transmit.tow(),
+        range_m: view.propagation.range_m,
+        pseudorange_m: view.pseudorange.code_m,
+        carrier_phase_cycles: view.pseudorange.carrier_m / L1_WAVELENGTH - emitter.phase,
+        doppler_hz: -path.carrier_rate(elapsed) / L1_WAVELENGTH,
+        code_phase_chips: periods.fract() * CA_CODE_LENGTH as f64,
+        azimuth_deg: view.azimuth.to_degrees(),
+        elevation_deg: view.elevation.to_degrees(),
+        cn0_dbhz: scenario.signal.cn0_dbhz(emitter.sv, view.elevation, elapsed),
+    }
+}

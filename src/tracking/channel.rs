@@ -1,0 +1,402 @@
+//! One satellite followed through the stream.
+
+use super::bit_sync::{Bit, BitSynchroniser, PERIODS_PER_BIT};
+use super::discriminators::{costas_cycles, frequency_hz, lateness_chips};
+use super::lock::{LockDetector, LockState};
+use super::loop_filter::{CarrierFilter, code_gain};
+use crate::acquisition::{Acquisition, Refined};
+use crate::correlator::{CodeTable, SampleBuffer, correlate};
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ};
+use num_complex::Complex64;
+
+/// Frequency error beyond which a certain one is a false lock and no dynamics, Hz.
+const FALSE_LOCK_HZ: f64 = 8.0;
+
+/// Seconds for which the loops stay wide after a start.
+const SETTLING_S: f64 = 1.0;
+
+/// Bandwidths and integration times of the loops.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackingOptions {
+    /// Coherent integration once the bit edge is known, ms: a divisor of 20.
+    pub coherent_ms: usize,
+    /// Noise bandwidth of the phase-locked loop, Hz (lowered to 0.15 / coherent time where that is less).
+    pub pll_hz: f64,
+    /// Noise bandwidth of the frequency-locked loop that assists until the bit edge is known, Hz.
+    pub fll_hz: f64,
+    /// Noise bandwidth of the carrier-aided delay-locked loop, Hz (four times that in the first second).
+    pub dll_hz: f64,
+    /// Distance of early and late from prompt, chips.
+    pub tap_chips: f64,
+}
+
+impl Default for TrackingOptions {
+    /// 10 ms, 15 Hz, 8 Hz, 0.5 Hz, 0.25 chips.
+    fn default() -> Self {
+        Self { coherent_ms: 10, pll_hz: 15.0, fll_hz: 8.0, dll_hz: 0.5, tap_chips: 0.25 }
+    }
+}
+
+/// Where a track starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackStart {
+    /// Stream index of the sample that the acquisition's code phase refers to.
+    pub sample: u64,
+    /// What was acquired.
+    pub acquisition: Acquisition,
+    /// Carrier phase at that sample, cycles.
+    pub carrier_phase: f64,
+    /// Whole code period after that sample (0 to 19) that starts a data bit, if known.
+    pub bit_edge: Option<usize>,
+}
+
+impl TrackStart {
+    /// From a refined acquisition whose snapshot starts at the stream index `sample`.
+    pub fn from_refined(refined: &Refined, sample: u64) -> Self {
+        Self {
+            sample,
+            acquisition: refined.acquisition,
+            carrier_phase: refined.carrier_phase,
+            bit_edge: refined.bit_edge,
+        }
+    }
+}
+
+/// The state of a track at the start of one code period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Epoch {
+    /// Index of the code period, counted from the start of the track.
+    pub period: u64,
+    /// Stream index (fractional) of the sample at which the period starts.
+    pub start_sample: f64,
+    /// Carrier cycles of the replica since the start of the track, at the start of the period.
+    pub carrier_cycles: f64,
+    /// Doppler, Hz.
+    pub doppler_hz: f64,
+    /// Prompt correlation over the period.
+    pub prompt: Complex64,
+}
+
+/// The loops of one satellite.
+pub struct Channel {
+    sv: Sv,
+    table: CodeTable,
+    rate_hz: f64,
+    options: TrackingOptions,
+    period: u64,
+    code_start: f64,
+    carrier_cycles: f64,
+    /// Frequency of the carrier replica, Hz.
+    carrier_hz: f64,
+    /// Correction of the delay-locked loop to the carrier's aid, chips/s.
+    code_correction: f64,
+    filter: CarrierFilter,
+    interval: Interval,
+    last_prompt: Option<Complex64>,
+    lock: LockDetector,
+    bits: BitSynchroniser,
+}
+
+/// What has been summed since the last update of the loops.
+#[derive(Clone, Copy, Debug, Default)]
+struct Interval {
+    taps: [Complex64; 3],
+    /// Sum of the replicas' offsets from where the loop wanted them, samples.
+    offset: f64,
+    periods: usize,
+}
+
+impl Channel {
+    /// Starts a track on samples at `rate_hz`.
+    pub fn new(start: &TrackStart, rate_hz: f64, options: TrackingOptions) -> Self {
+        let Acquisition { sv, doppler_hz, .. } = start.acquisition;
+        let wait_s = start.acquisition.code_offset_s() / (1.0 + doppler_hz / L1_HZ);
+        Self {
+            sv,
+            table: CodeTable::new(sv, rate_hz),
+            rate_hz,
+            options,
+            period: 0,
+            code_start: start.sample as f64 + wait_s * rate_hz,
+            carrier_cycles: start.carrier_phase + doppler_hz * wait_s,
+            carrier_hz: doppler_hz,
+            code_correction: 0.0,
+            filter: CarrierFilter::new(doppler_hz),
+            interval: Interval::default(),
+            last_prompt: None,
+            lock: LockDetector::default(),
+            bits: BitSynchroniser::new(start.bit_edge.map(|e| e as u64)),
+        }
+    }
+
+    /// The satellite.
+    pub fn sv(&self) -> Sv {
+        self.sv
+    }
+
+    /// What the lock detector says.
+    pub fn lock(&self) -> LockState {
+        self.lock.state()
+    }
+
+    /// C/N0 over the last second, dB-Hz, once known.
+    pub fn cn0_dbhz(&self) -> Option<f64> {
+        self.lock.cn0_dbhz()
+    }
+
+    /// Doppler of the loop filter, Hz.
+    pub fn doppler_hz(&self) -> f64 {
+        self.filter.doppler_hz()
+    }
+
+    /// Stream index (fractional) of the sample at which the next code period starts.
+    pub fn next_sample(&self) -> f64 {
+        self.code_start
+    }
+
+    /// Standard deviation of the code phase, m: thermal noise through the delay-locked loop at the
+    /// measured C/N0 (Kaplan & Hegarty, 3rd ed., 8.6.3, for a wide front end).
+    pub fn code_sigma_m(&self) -> f64 {
+        use crate::gnss::constants::SPEED_OF_LIGHT;
+        let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
+        let interval = self.interval_periods() as f64 * CA_CODE_PERIOD;
+        let variance =
+            self.options.dll_hz * self.options.tap_chips / cn0 * (1.0 + 1.0 / (interval * cn0));
+        variance.sqrt() * SPEED_OF_LIGHT / CA_CHIP_RATE
+    }
+
+    /// Standard deviation of the Doppler of the phase-locked loop, Hz: white phase noise of density 1/(2
+    /// C/N0) through the loop filter's frequency state.
+    pub fn doppler_sigma_hz(&self) -> f64 {
+        let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
+        let (_, bandwidth) = self.bandwidths();
+        let interval = self.interval_periods() as f64 * CA_CODE_PERIOD;
+        // |s (1.1 w^2 s + w^3) / (s^3 + 2.4 w s^2 + 1.1 w^2 s + w^3)|^2 integrated: 0.711 w^3.
+        let w = bandwidth / 0.7845;
+        let squaring = 1.0 + 0.5 / (interval * cn0);
+        (0.711 * w.powi(3) / (2.0 * cn0) * squaring).sqrt() / std::f64::consts::TAU
+    }
+
+    /// Follows the signal through all code periods that `samples` holds whole: appends an epoch for each
+    /// and the bits they complete. Work: one pass over the samples.
+    pub fn process(
+        &mut self,
+        samples: &SampleBuffer,
+        epochs: &mut Vec<Epoch>,
+        bits: &mut Vec<Bit>,
+    ) {
+        loop {
+            let chip_rate = CA_CHIP_RATE * (1.0 + self.carrier_hz / L1_HZ) + self.code_correction;
+            let length = CA_CODE_LENGTH as f64 / chip_rate * self.rate_hz;
+            let end = self.code_start + length;
+            let taps = self.table.taps(self.code_start, end, self.options.tap_chips);
+            let window = samples.window(taps.first_sample, taps.first_sample + taps.len as u64);
+            let Some((i, q)) = window else { return };
+            let step = self.carrier_hz / self.rate_hz;
+            let phase = self.carrier_cycles + step * (taps.first_sample as f64 - self.code_start);
+            let sums = correlate(i, q, taps.codes, phase.fract(), step);
+            let sums = sums.map(|s| Complex64::new(s.re.into(), s.im.into()));
+            let offset = taps.offset;
+
+            epochs.push(Epoch {
+                period: self.period,
+                start_sample: self.code_start,
+                carrier_cycles: self.carrier_cycles,
+                doppler_hz: self.filter.doppler_hz(),
+                prompt: sums[1],
+            });
+            self.code_start = end;
+            self.carrier_cycles += step * length;
+            self.advance(sums, offset, bits);
+        }
+    }
+
+    /// Accounts for one code period and closes the loops where an interval ends.
+    fn advance(&mut self, sums: [Complex64; 3], offset: f64, bits: &mut Vec<Bit>) {
+        let edge = self.bits.edge();
+        let in_bit = |period: u64| {
+            edge.map(|e| (period + PERIODS_PER_BIT as u64 - e) % PERIODS_PER_BIT as u64)
+        };
+        let false_lock = self.lock.push(sums[1], in_bit(self.period) == Some(0));
+        self.bits.push(self.period, sums[1], bits);
+        self.period += 1;
+        for (sum, new) in self.interval.taps.iter_mut().zip(sums) {
+            *sum += new;
+        }
+        self.interval.offset += offset;
+        self.interval.periods += 1;
+        let is_end = in_bit(self.period).is_none_or(|p| p % self.options.coherent_ms as u64 == 0);
+        if is_end {
+            self.close_loops(edge.is_some());
+        }
+        if let Some(error_hz) = false_lock.filter(|e| e.abs() > FALSE_LOCK_HZ) {
+            self.filter.step(error_hz);
+            self.carrier_hz = self.filter.doppler_hz();
+        }
+    }
+
+    fn close_loops(&mut self, synchronised: bool) {
+        let Interval { taps: [early, prompt, late], offset, periods } =
+            std::mem::take(&mut self.interval);
+        let interval_s = periods as f64 * CA_CODE_PERIOD;
+        let (fll_hz, pll_hz) = self.bandwidths();
+        let frequency = match self.last_prompt.replace(prompt) {
+            Some(last) if !synchronised => frequency_hz(last, prompt, interval_s),
+            _ => 0.0,
+        };
+        self.carrier_hz =
+            self.filter.update(costas_cycles(prompt), pll_hz, frequency, fll_hz, interval_s);
+
+        let chips_per_sample = CA_CHIP_RATE / self.rate_hz;
+        let distance = self.table.tap_distance(self.options.tap_chips) * chips_per_sample;
+        let late_chips =
+            lateness_chips(early, late, distance) + offset / periods as f64 * chips_per_sample;
+        let settling = self.period as f64 * CA_CODE_PERIOD < SETTLING_S;
+        let bandwidth = self.options.dll_hz * if settling { 4.0 } else { 1.0 };
+        self.code_correction = -code_gain(bandwidth) * late_chips;
+    }
+
+    /// Bandwidths now of the frequency- and the phase-locked loop, Hz.
+    fn bandwidths(&self) -> (f64, f64) {
+        let stable = 0.15 / (self.interval_periods() as f64 * CA_CODE_PERIOD);
+        let fll = if self.bits.edge().is_some() { 0.0 } else { self.options.fll_hz };
+        (fll, self.options.pll_hz.min(stable))
+    }
+
+    fn interval_periods(&self) -> usize {
+        if self.bits.edge().is_some() { self.options.coherent_ms } else { 1 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::correlator::test_signal::{TestSignal, data_bit};
+    use rayon::prelude::*;
+
+    const RATE: f64 = 2.048e6;
+
+    /// Tracks a signal from an acquisition that is off by `doppler_error` Hz and 0.3 chips, and gives the
+    /// channel, its bits and the last code phase error in chips.
+    fn track(
+        signal: &TestSignal,
+        seconds: f64,
+        doppler_error: f64,
+        edge: Option<usize>,
+        options: TrackingOptions,
+    ) -> (Channel, Vec<Bit>, f64) {
+        let sv = "G19".parse().unwrap();
+        let mut buffer = SampleBuffer::default();
+        buffer.push(&signal.samples(sv, (RATE * seconds) as usize));
+        let chip_rate = CA_CHIP_RATE * (1.0 + signal.doppler / L1_HZ);
+        let acquisition = Acquisition {
+            sv,
+            doppler_hz: signal.doppler + doppler_error,
+            code_phase_chips: (0.3 - signal.delay_s * chip_rate).rem_euclid(1023.0),
+            cn0_dbhz: signal.cn0_dbhz,
+            statistic: 0.0,
+            false_alarm: 0.0,
+        };
+        let start = TrackStart { sample: 0, acquisition, carrier_phase: 0.2, bit_edge: edge };
+        let mut channel = Channel::new(&start, RATE, options);
+        let (mut epochs, mut bits) = (Vec::new(), Vec::new());
+        channel.process(&buffer, &mut epochs, &mut bits);
+        let last = epochs.last().unwrap();
+        let truth = (signal.delay_s + last.period as f64 * 1023.0 / chip_rate) * RATE;
+        let error = (last.start_sample - truth) / RATE * CA_CHIP_RATE;
+        (channel, bits, (error + 511.5).rem_euclid(1023.0) - 511.5)
+    }
+
+    fn bit_errors(bits: &[Bit], edge: u64) -> usize {
+        let sign =
+            |b: &Bit| f64::from(b.value) * data_bit((b.first_period as i64 - edge as i64) / 20);
+        let negative = bits.iter().filter(|b| sign(b) < 0.0).count();
+        negative.min(bits.len() - negative)
+    }
+
+    #[test]
+    fn it_pulls_in_at_35_and_holds_at_30_dbhz() {
+        // Twenty seeds: acquired with 20 Hz and 0.3 chips of error and an unknown bit edge at 35 dB-Hz,
+        // faded to 30 dB-Hz over four seconds and held there for four.
+        (0..20u64).into_par_iter().for_each(|seed| {
+            let signal = TestSignal {
+                rate: RATE,
+                doppler: 300.0 * (seed as f64 - 10.0),
+                delay_s: 0.04e-3 * (seed + 1) as f64,
+                cn0_dbhz: 35.0,
+                fade_db: 5.0,
+                fade_s: 4.0,
+                bit_edge: (seed % 20) as i64,
+                seed,
+            };
+            let (channel, bits, code_error) =
+                track(&signal, 8.0, 20.0, None, TrackingOptions::default());
+            assert_eq!(channel.lock(), LockState::Locked, "seed {seed}");
+            assert!(
+                (channel.cn0_dbhz().unwrap() - 30.0).abs() < 1.5,
+                "seed {seed}: {:?}",
+                channel.cn0_dbhz()
+            );
+            let doppler_error = channel.doppler_hz() - signal.doppler;
+            let sigma = channel.doppler_sigma_hz();
+            println!("seed {seed}: {doppler_error:.3} Hz of {sigma:.3}, {code_error:.4} chips");
+            assert!(
+                doppler_error.abs() < 5.0 * sigma,
+                "seed {seed}: {doppler_error} Hz of {sigma}"
+            );
+            let sigma_chips = channel.code_sigma_m() / 293.05;
+            assert!(
+                code_error.abs() < 5.0 * sigma_chips,
+                "seed {seed}: {code_error} of {sigma_chips}"
+            );
+            // The first second is pull-in. After it Eb/N0 >= 13 dB: Q(sqrt(40)) = 1.3e-10 per bit.
+            assert!(bits.len() > 350, "seed {seed}: {} bits", bits.len());
+            assert_eq!(bit_errors(&bits[50..], signal.bit_edge as u64), 0, "seed {seed}");
+        });
+    }
+
+    #[test]
+    fn with_a_known_edge_not_a_bit_is_lost_at_any_integration_time() {
+        for coherent_ms in [1, 2, 4, 5, 10, 20] {
+            let signal = TestSignal {
+                rate: RATE,
+                doppler: -2222.0,
+                delay_s: 0.3e-3,
+                cn0_dbhz: 40.0,
+                fade_db: 0.0,
+                fade_s: 0.0,
+                bit_edge: 13,
+                seed: 5,
+            };
+            let options = TrackingOptions { coherent_ms, ..Default::default() };
+            let (channel, bits, _) = track(&signal, 2.0, 0.5, Some(13), options);
+            assert_eq!(channel.lock(), LockState::Locked);
+            assert_eq!(bits[0].first_period, 13);
+            assert_eq!(bit_errors(&bits, 13), 0, "{coherent_ms} ms");
+        }
+    }
+
+    #[test]
+    fn a_signal_that_ends_is_lost() {
+        let mut signal = TestSignal {
+            rate: RATE,
+            doppler: 100.0,
+            delay_s: 0.0,
+            cn0_dbhz: 45.0,
+            fade_db: 60.0,
+            fade_s: 1.0,
+            bit_edge: 0,
+            seed: 9,
+        };
+        assert_eq!(
+            track(&signal, 3.0, 1.0, Some(0), TrackingOptions::default()).0.lock(),
+            LockState::Lost
+        );
+        signal.fade_db = 0.0;
+        assert_eq!(
+            track(&signal, 3.0, 1.0, Some(0), TrackingOptions::default()).0.lock(),
+            LockState::Locked
+        );
+    }
+}

@@ -1,0 +1,143 @@
+//! C/N0 and lock, from the correlation of neighbouring prompts.
+//!
+//! With p\[k\] the 1 ms prompts inside a data bit, R0 = E|p\[k\]|^2 = S + N and R1 = E p\[k+1\] p\[k\]* =
+//! S exp(j 2 pi df 1 ms): white noise drops out of R1 whatever its power. C/N0 = |R1| / (R0 - |R1|) / 1 ms,
+//! and the angle of R1 is the frequency error df, which betrays a false lock. Neither needs carrier phase.
+
+use num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// Periods averaged for one decision. At 30 dB-Hz R1/N is 1 +- sqrt(3/200) = 0.12.
+const BLOCK: usize = 200;
+
+/// A block below this C/N0 speaks of loss, dB-Hz: six standard deviations from a satellite at 30.
+const LOSS_DBHZ: f64 = 24.5;
+
+/// Consecutive bad blocks that mean loss.
+const BAD_BLOCKS: usize = 3;
+
+/// Blocks in the running average of the reported C/N0 (1 s).
+const AVERAGED: f64 = 5.0;
+
+/// What a channel's detectors say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LockState {
+    /// Not enough heard yet.
+    PullingIn,
+    /// The signal is there.
+    Locked,
+    /// The signal is gone.
+    Lost,
+}
+
+/// Running correlation of neighbouring prompts.
+#[derive(Clone, Debug, Default)]
+pub struct LockDetector {
+    last: Option<Complex64>,
+    r0: f64,
+    r1: Complex64,
+    pairs: usize,
+    signal: f64,
+    noise: f64,
+    blocks: usize,
+    bad: usize,
+}
+
+impl LockDetector {
+    /// Takes a prompt; `new_bit` when a data bit starts with it (or may). Gives, at the end of each block,
+    /// the frequency error in Hz if it is certain (five standard deviations).
+    pub fn push(&mut self, prompt: Complex64, new_bit: bool) -> Option<f64> {
+        if let Some(last) = self.last.replace(prompt).filter(|_| !new_bit) {
+            self.r0 += 0.5 * (prompt.norm_sqr() + last.norm_sqr());
+            self.r1 += prompt * last.conj();
+            self.pairs += 1;
+        }
+        (self.pairs >= BLOCK).then(|| self.end_block()).flatten()
+    }
+
+    fn end_block(&mut self) -> Option<f64> {
+        let pairs = self.pairs as f64;
+        let (signal, total) = (self.r1.norm() / pairs, self.r0 / pairs);
+        let noise = (total - signal).max(1e-9 * total);
+        let angle = self.r1.arg();
+        (self.r0, self.r1, self.pairs) = (0.0, Complex64::ZERO, 0);
+        self.blocks += 1;
+        let weight = 1.0 / (self.blocks as f64).min(AVERAGED);
+        self.signal += weight * (signal - self.signal);
+        self.noise += weight * (noise - self.noise);
+        self.bad = if cn0_dbhz(signal, noise) < LOSS_DBHZ { self.bad + 1 } else { 0 };
+        // Phase noise of R1: sqrt(N/S (1 + N/2S) / pairs) for independent pairs.
+        let ratio = noise / signal.max(f64::MIN_POSITIVE);
+        let sigma = (ratio * (1.0 + 0.5 * ratio) / pairs).sqrt();
+        (angle.abs() > 5.0 * sigma).then_some(angle / TAU * 1e3)
+    }
+
+    /// C/N0 over the last second, dB-Hz; None before the first 0.2 s.
+    pub fn cn0_dbhz(&self) -> Option<f64> {
+        (self.blocks > 0).then(|| cn0_dbhz(self.signal, self.noise))
+    }
+
+    /// The verdict.
+    pub fn state(&self) -> LockState {
+        match self {
+            _ if self.bad >= BAD_BLOCKS => LockState::Lost,
+            _ if self.blocks == 0 || self.bad == self.blocks => LockState::PullingIn,
+            _ => LockState::Locked,
+        }
+    }
+}
+
+fn cn0_dbhz(signal: f64, noise: f64) -> f64 {
+    10.0 * (signal / noise * 1e3).max(1.0).log10()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// Prompts of a C/N0 with unit noise power, rotating by `df` Hz.
+    fn run(cn0: f64, df: f64, count: usize, seed: u64) -> (LockDetector, Vec<f64>) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let amplitude = (10f64.powf(cn0 / 10.0) * 1e-3).sqrt();
+        let mut detector = LockDetector::default();
+        let mut errors = Vec::new();
+        for k in 0..count {
+            let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+            let noise = Complex64::new(normal(), normal()) / 2f64.sqrt();
+            let bit = if k / 20 * 7 % 3 == 0 { -1.0 } else { 1.0 };
+            let prompt = Complex64::cis(TAU * df * k as f64 * 1e-3) * amplitude * bit + noise;
+            errors.extend(detector.push(prompt, k % 20 == 0));
+        }
+        (detector, errors)
+    }
+
+    #[test]
+    fn cn0_is_measured_and_thirty_dbhz_is_never_called_lost() {
+        for cn0 in [30.0, 35.0, 45.0] {
+            for seed in 0..50 {
+                let (detector, errors) = run(cn0, 0.0, 5000, seed);
+                // 1000 pairs: relative deviation of S/N sqrt((1 + 2 S/N)/1000) / (S/N), four of them.
+                let snr = 10f64.powf(cn0 / 10.0) * 1e-3;
+                let sigma = 4.343 * ((1.0 + 2.0 * snr + snr * snr) / 1000.0).sqrt() / snr;
+                assert!((detector.cn0_dbhz().unwrap() - cn0).abs() < 4.0 * sigma);
+                assert_eq!(detector.state(), LockState::Locked);
+                assert!(errors.is_empty(), "{cn0} {seed} {errors:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_is_lost_and_a_false_lock_is_seen() {
+        for seed in 0..50 {
+            assert_eq!(run(0.0, 0.0, 2000, seed).0.state(), LockState::Lost);
+            let (_, errors) = run(40.0, 25.0, 2000, seed);
+            assert!(
+                errors.iter().all(|e| (e - 25.0).abs() < 10.0) && errors.len() == 9,
+                "{errors:?}"
+            );
+        }
+    }
+}

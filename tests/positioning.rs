@@ -1,0 +1,12 @@
+//! Position solvers against an independent reference and real observations (needs `SDR_RX_DATA`).
+
+mod common;
+#[path = "positioning/vectors.rs"]
+mod vectors;
+
+use libtest_mimic::Arguments;
+
+fn main() {
+    let tests = vectors::trials();
+    libtest_mimic::run(&Arguments::from_args(), tests).exit();
+}
