@@ -119,7 +119,9 @@ fn page(report: &Report) -> Result<String, std::fmt::Error> {
     writeln!(out, "L1 carrier  at {} kHz", report.if_hz / 1e3)?;
     writeln!(out, "channels    {}", report.channels)?;
     match (report.samples, report.length_s) {
-        (Some(samples), Some(length)) => writeln!(out, "length      {length} s, {samples} samples")?,
+        (Some(samples), Some(length)) => {
+            writeln!(out, "length      {length} s, {samples} samples")?
+        }
         _ => writeln!(out, "length      not known before its end")?,
     }
     if let (Some(utc), Some((week, tow))) = (&report.start_utc, report.start_gps) {
@@ -157,8 +159,10 @@ fn write_channel(
         writeln!(out, "            I against Q {gain:+.2} dB, quadrature error {phase:+.2} deg")?;
     }
     if let Some(values) = &level.values {
-        let shares: Vec<String> =
-            values.iter().map(|(value, share)| format!("{value}: {:.1} %", 100.0 * share)).collect();
+        let shares: Vec<String> = values
+            .iter()
+            .map(|(value, share)| format!("{value}: {:.1} %", 100.0 * share))
+            .collect();
         writeln!(out, "            values {}", shares.join(", "))?;
     }
     let highest = spectrum.iter().copied().fold(f64::NEG_INFINITY, f64::max);
