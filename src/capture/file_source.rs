@@ -4,6 +4,7 @@ use super::lane::{Data, Lane};
 use super::options::{Layout, OpenOptions, check_rate};
 use super::{Block, CaptureError, SampleFormat, SampleSource, SourceError, StreamInfo};
 use crate::gnss::GpsTime;
+use std::path::Path;
 
 /// What metadata, a name or a header say of a capture; what is `None` must come from the options.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,6 +85,10 @@ impl FileSource {
                 return Err(CaptureError::Empty { path, bytes, format: format.name().to_owned() });
             }
         }
+        notes.extend(data.iter().filter_map(|d| {
+            let trailing = trailing_bytes(d, &format, channels_per_lane)?;
+            (trailing > 0).then(|| trailing_note(&d.path, trailing, &format, channels_per_lane))
+        }));
         let length = lengths.iter().copied().min().flatten();
         if let (Some(shortest), Some(longest)) = (length, lengths.iter().copied().max().flatten())
             && shortest != longest
@@ -162,11 +167,8 @@ impl SampleSource for FileSource {
                 ));
             }
             if lane.trailing > 0 {
-                all.push(format!(
-                    "'{path}': the last {} bytes make no whole sample of type {} and {} channel(s): \
-                     the file was cut off or is of another type",
-                    lane.trailing, self.info.format, self.channels_per_lane
-                ));
+                let (trailing, channels) = (lane.trailing as u64, self.channels_per_lane);
+                all.push(trailing_note(lane.path(), trailing, lane.format(), channels));
             }
         }
         if self.ended && self.position == 0 {
@@ -233,4 +235,20 @@ fn planes(file: &Data, format: &SampleFormat, channels: usize) -> Result<Vec<Dat
 fn whole_samples(data: &Data, format: &SampleFormat, channels: usize) -> Option<u64> {
     let words = data.bytes? / format.word_bytes() as u64;
     Some(words * format.samples_per_word() as u64 / channels as u64)
+}
+
+/// Bytes after the last whole sample of all channels, where the length is known.
+fn trailing_bytes(data: &Data, format: &SampleFormat, channels: usize) -> Option<u64> {
+    let units = whole_samples(data, format, channels)? * channels as u64;
+    let words = units.div_ceil(format.samples_per_word() as u64);
+    Some(data.bytes? - words * format.word_bytes() as u64)
+}
+
+fn trailing_note(path: &Path, bytes: u64, format: &SampleFormat, channels: usize) -> String {
+    format!(
+        "'{}': the last {bytes} bytes make no whole sample of type {} and {channels} channel(s): the \
+         file was cut off or is of another type",
+        path.display(),
+        format.name()
+    )
 }

@@ -203,6 +203,11 @@ impl Lane {
         Ok(())
     }
 
+    /// Its sample type.
+    pub fn format(&self) -> &SampleFormat {
+        &self.format
+    }
+
     /// The file, or `-`.
     pub fn path(&self) -> &Path {
         &self.path

@@ -11,6 +11,13 @@ const TAPS_PER_STEP: usize = 4;
 /// Kaiser's beta for 50 dB of stop-band attenuation, 0.1102 (50 - 8.7) (Oppenheim and Schafer 7.75).
 const KAISER_BETA: f64 = 4.55;
 
+/// Real and imaginary parts apart, as the filter likes them.
+#[derive(Clone, Debug, Default)]
+struct Parts {
+    re: Vec<f32>,
+    im: Vec<f32>,
+}
+
 /// Removes the intermediate frequency and, if asked, lowers the rate by an integer factor.
 ///
 /// Sample k of the output stands for the instant of input sample k x `decimation`: the filter is
@@ -24,7 +31,8 @@ pub struct Conditioner {
     oscillator: Option<Oscillator>,
     decimation: usize,
     taps: Vec<f32>,
-    pending: Vec<Vec<Complex32>>,
+    pending: Vec<Parts>,
+    mixed: Vec<Complex32>,
     next_output: u64,
 }
 
@@ -42,7 +50,8 @@ impl Conditioner {
         Self {
             oscillator: (info.if_hz != 0.0).then(|| Oscillator::new(info.if_hz, info.rate_hz)),
             decimation,
-            pending: vec![vec![Complex32::ZERO; half]; info.channels],
+            pending: vec![Parts { re: vec![0.0; half], im: vec![0.0; half] }; info.channels],
+            mixed: Vec::new(),
             next_output: 0,
             info: StreamInfo {
                 rate_hz: info.rate_hz / decimation as f64,
@@ -64,33 +73,32 @@ impl Conditioner {
     pub fn process(&mut self, input: &Block, output: &mut Block) {
         if self.decimation == 1 {
             output.clone_from(input);
-            for samples in output.channels_mut() {
-                self.mix(input.first_sample(), samples);
+            if let Some(oscillator) = &self.oscillator {
+                output.channels_mut().for_each(|x| oscillator.mix(input.first_sample(), x));
             }
             return;
         }
-        let held = self.pending.first().map_or(0, Vec::len) + input.len();
+        let held = self.pending.first().map_or(0, |p| p.re.len()) + input.len();
         let count = match held.checked_sub(self.taps.len()) {
             Some(rest) => rest / self.decimation + 1,
             None => 0,
         };
         output.reset(input.channels(), count, self.next_output);
-        let mut pending = std::mem::take(&mut self.pending);
-        for (channel, held) in pending.iter_mut().enumerate() {
-            let new = held.len();
-            held.extend_from_slice(input.channel(channel));
-            self.mix(input.first_sample(), &mut held[new..]);
+        let mut mixed = std::mem::take(&mut self.mixed);
+        for (channel, held) in self.pending.iter_mut().enumerate() {
+            mixed.clear();
+            mixed.extend_from_slice(input.channel(channel));
+            if let Some(oscillator) = &self.oscillator {
+                oscillator.mix(input.first_sample(), &mut mixed);
+            }
+            held.re.extend(mixed.iter().map(|x| x.re));
+            held.im.extend(mixed.iter().map(|x| x.im));
             decimate(held, &self.taps, self.decimation, output.channel_mut(channel));
-            held.drain(..count * self.decimation);
+            held.re.drain(..count * self.decimation);
+            held.im.drain(..count * self.decimation);
         }
-        self.pending = pending;
+        self.mixed = mixed;
         self.next_output += count as u64;
-    }
-
-    fn mix(&self, first: u64, samples: &mut [Complex32]) {
-        if let Some(oscillator) = &self.oscillator {
-            oscillator.mix(first, samples);
-        }
     }
 }
 
@@ -122,22 +130,23 @@ fn bessel_i0(x: f64) -> f64 {
 
 /// One output for each `step` inputs: the taps against the inputs from there on.
 #[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
-fn decimate(input: &[Complex32], taps: &[f32], step: usize, output: &mut [Complex32]) {
+fn decimate(input: &Parts, taps: &[f32], step: usize, output: &mut [Complex32]) {
     for (k, y) in output.iter_mut().enumerate() {
-        let window = &input[k * step..][..taps.len()];
-        let (x_runs, x_rest) = window.as_chunks::<8>();
+        let re = &input.re[k * step..][..taps.len()];
+        let im = &input.im[k * step..][..taps.len()];
+        let mut sums = [[0f32; 8]; 2];
         let (t_runs, t_rest) = taps.as_chunks::<8>();
-        let mut re = [0f32; 8];
-        let mut im = [0f32; 8];
-        for (x, t) in x_runs.iter().zip(t_runs) {
+        let (re_runs, re_rest) = re.as_chunks::<8>();
+        let (im_runs, im_rest) = im.as_chunks::<8>();
+        for ((t, re), im) in t_runs.iter().zip(re_runs).zip(im_runs) {
             for lane in 0..8 {
-                re[lane] += x[lane].re * t[lane];
-                im[lane] += x[lane].im * t[lane];
+                sums[0][lane] += re[lane] * t[lane];
+                sums[1][lane] += im[lane] * t[lane];
             }
         }
-        let mut sum = Complex32::new(re.iter().sum(), im.iter().sum());
-        for (x, t) in x_rest.iter().zip(t_rest) {
-            sum += x * t;
+        let mut sum = Complex32::new(sums[0].iter().sum(), sums[1].iter().sum());
+        for ((t, re), im) in t_rest.iter().zip(re_rest).zip(im_rest) {
+            sum += Complex32::new(re * t, im * t);
         }
         *y = sum;
     }

@@ -2,7 +2,6 @@
 
 use num_complex::{Complex32, Complex64};
 use serde::Serialize;
-use std::collections::BTreeMap;
 
 /// Most distinct values that are counted one by one.
 const MAX_LEVELS: usize = 16;
@@ -48,7 +47,7 @@ pub struct LevelMeter {
     product: f64,
     peak: f32,
     peak_count: u64,
-    values: BTreeMap<u32, u64>,
+    values: Vec<(f32, u64)>,
     too_many: bool,
 }
 
@@ -79,7 +78,10 @@ impl LevelMeter {
         }
         self.peak_count += u64::from(magnitude == self.peak);
         if !self.too_many {
-            *self.values.entry((value + 0.0).to_bits()).or_default() += 1;
+            match self.values.iter_mut().find(|(known, _)| *known == value) {
+                Some((_, count)) => *count += 1,
+                None => self.values.push((value, 1)),
+            }
             self.too_many = self.values.len() > MAX_LEVELS;
         }
     }
@@ -106,9 +108,9 @@ impl LevelMeter {
         let numbers = n * parts as f64;
         // The zeros that stand for Q of real samples are no values.
         let zero_q = if real { self.samples } else { 0 };
-        let share = |(&bits, &count): (&u32, &u64)| {
-            let count = if bits == 0 { count - zero_q } else { count };
-            (count > 0).then_some((f32::from_bits(bits), count as f64 / numbers))
+        let share = |&(value, count): &(f32, u64)| {
+            let count = if value == 0.0 { count - zero_q } else { count };
+            (count > 0).then_some((value, count as f64 / numbers))
         };
         let mut values: Vec<(f32, f64)> = self.values.iter().filter_map(share).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -158,6 +160,16 @@ impl Level {
             format!(
                 "I and Q differ by {gain:.1} dB: the sample type may be wrong (16 bits read as 8, \
                  real read as complex, or a wrong number of channels)"
+            ),
+        );
+        let magnitudes = self.values.iter().flatten().map(|(value, _)| f64::from(value.abs()));
+        let least = magnitudes.fold(f64::INFINITY, f64::min);
+        doubt(
+            least > 0.6 * self.peak && least < self.peak,
+            format!(
+                "all numbers lie between {least} and {} in magnitude, none near 0: the sample type may \
+                 be wrong (signed for unsigned)",
+                self.peak
             ),
         );
         let many_levels = self.values.as_ref().is_none_or(|v| v.len() > 8);
@@ -227,6 +239,9 @@ mod tests {
         assert!(level(&pairs(&|v| f32::from(v))).doubts().is_empty());
         // cs8 read as cu8: small numbers go to both ends.
         assert!(!level(&pairs(&|v| f32::from(v as u8) - 127.5)).doubts().is_empty());
+        // A few levels of a coarse converter, likewise.
+        let coarse = |v: i8| f32::from((if v < 0 { 2 * v.signum() + 1 } else { 3 }) as u8) - 127.5;
+        assert!(!level(&pairs(&coarse)).doubts().is_empty());
         // cs16 read as cs8: low bytes in I, high bytes in Q.
         let halves: Vec<Complex32> = integers
             .iter()
