@@ -57,7 +57,7 @@ impl Subframe {
         let bits = next.start_index - self.start_index;
         let counts = bits / SUBFRAME_BITS as u64 % u64::from(TOW_COUNTS);
         let expected = self.tow() / SUBFRAME_SECONDS + counts as f64;
-        bits % SUBFRAME_BITS as u64 == 0
+        bits.is_multiple_of(SUBFRAME_BITS as u64)
             && next.tow() / SUBFRAME_SECONDS == expected % f64::from(TOW_COUNTS)
     }
 }

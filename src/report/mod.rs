@@ -1,1 +1,60 @@
 //! What a person or another program reads: tables, JSON, RINEX, NMEA, GeoJSON, KML, plots.
+//!
+//! Every format is a function of the plain results of a [`Run`] and gives text; [`write_all`] puts them
+//! into a folder, each file whole or not at all. The same results give the same bytes: no report holds
+//! the time of its own making.
+
+mod files;
+mod geojson;
+mod html;
+mod json;
+mod kml;
+mod nmea;
+mod rinex_nav;
+mod rinex_obs;
+mod summary;
+mod svg;
+mod table;
+
+pub use files::{OutputDir, ReportError, write_all, write_atomically};
+pub use geojson::geojson;
+pub use html::html;
+pub use json::{Document, json};
+pub use kml::kml;
+pub use nmea::nmea;
+pub use rinex_nav::rinex_navigation;
+pub use rinex_obs::{observation_file_name, rinex_observations};
+pub use summary::{SkyEntry, Summary, sky};
+pub use svg::{east_north_plot, height_plot, sky_plot};
+pub use table::{acquisition_table, fix_table, sky_text};
+
+use crate::acquisition::Acquisition;
+use crate::capture::StreamInfo;
+use crate::gnss::NavigationData;
+use crate::observables::ObservationEpoch;
+use crate::positioning::Fix;
+
+/// All that a run of the receiver brought forth, as the reports read it.
+#[derive(Clone, Debug)]
+pub struct Run<'a> {
+    /// Name of the capture, without its folder.
+    pub capture: &'a str,
+    /// What is known of the capture.
+    pub stream: &'a StreamInfo,
+    /// Satellites found.
+    pub acquisitions: &'a [Acquisition],
+    /// Measurements, in order of time.
+    pub epochs: &'a [ObservationEpoch],
+    /// Positions, in order of time.
+    pub fixes: &'a [Fix],
+    /// Ephemerides, ionosphere and UTC that were used or decoded.
+    pub navigation: &'a NavigationData,
+    /// What a person should know.
+    pub warnings: &'a [String],
+    /// Why there is no fix, if there is none.
+    pub reason: Option<&'a str>,
+    /// Seed of random draws, if any were made.
+    pub seed: Option<u64>,
+    /// The options of the run, as they are to be echoed.
+    pub options: serde_json::Value,
+}

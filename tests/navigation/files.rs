@@ -6,7 +6,7 @@ use sdr_rx::gnss::{GpsTime, rinex_nav};
 use std::path::Path;
 
 /// Each file with its numbers of GPS and QZSS records and of satellites, counted with grep and awk.
-const FILES: [(&str, usize, usize); 7] = [
+pub const FILES: [(&str, usize, usize); 7] = [
     ("nav/brdc0010.22n", 422, 32),
     ("obs/gnsstk-arlm/arlm2000.15n", 168, 31),
     ("obs/gnsstk-arlm/arlm200a.15n", 28, 16),

@@ -1,0 +1,99 @@
+//! Files, written whole or not at all.
+
+use super::{
+    Run, geojson, html, json, kml, nmea, observation_file_name, rinex_navigation,
+    rinex_observations,
+};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Why a report cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The folder cannot be made.
+    #[error("making the output folder {path}: {source}; give --out a folder that may be written")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file cannot be written.
+    #[error("writing {path}: {source}; nothing was left under that name")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A plot cannot be drawn.
+    #[error("drawing the {plot}: {problem}")]
+    Plot {
+        /// Which plot.
+        plot: &'static str,
+        /// What the drawing library says.
+        problem: String,
+    },
+}
+
+/// Writes a file under a temporary name beside `path` and renames it: a reader sees the old file or the
+/// whole new one, and a run that is killed leaves none half written.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
+    let write = || -> std::io::Result<()> {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(|source| ReportError::File { path: path.to_owned(), source })
+}
+
+/// A folder that reports go to.
+#[derive(Clone, Debug)]
+pub struct OutputDir {
+    path: PathBuf,
+}
+
+impl OutputDir {
+    /// Makes the folder, and those above it, where they are missing.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
+        let path = path.into();
+        match std::fs::create_dir_all(&path) {
+            Ok(()) => Ok(Self { path }),
+            Err(source) => Err(ReportError::Folder { path, source }),
+        }
+    }
+
+    /// Writes one file into the folder and gives its path.
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<PathBuf, ReportError> {
+        let path = self.path.join(name);
+        write_atomically(&path, bytes.as_ref()).map(|()| path)
+    }
+}
+
+/// Writes every report that the run has something for: `result.json` always; RINEX observations and
+/// navigation; `track.nmea`, `track.geojson`, `track.kml` where there is a fix; `report.html` if asked.
+/// Gives the paths in the order written.
+pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBuf>, ReportError> {
+    let mut paths = vec![folder.write("result.json", json(run))?];
+    if let (Some(first), Some(last)) = (run.epochs.first(), run.epochs.last()) {
+        let name = observation_file_name(first.receive_time, last.receive_time, run.epochs.len());
+        paths.push(folder.write(&name, rinex_observations(run))?);
+    }
+    if !run.navigation.is_empty() {
+        paths.push(folder.write("navigation.rnx", rinex_navigation(run.navigation))?);
+    }
+    if !run.fixes.is_empty() {
+        paths.push(folder.write("track.nmea", nmea(run))?);
+        paths.push(folder.write("track.geojson", geojson(run))?);
+        paths.push(folder.write("track.kml", kml(run))?);
+    }
+    if page {
+        paths.push(folder.write("report.html", html(run)?)?);
+    }
+    Ok(paths)
+}

@@ -1,0 +1,54 @@
+//! One static page with tables and plots: `--report`.
+
+use super::kml::escape;
+use super::{
+    ReportError, Run, Summary, acquisition_table, east_north_plot, fix_table, height_plot, sky,
+    sky_plot,
+};
+use std::fmt::Write;
+
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}\
+pre{background:#f6f6f4;padding:.8rem 1rem;overflow-x:auto}\
+.plots{display:flex;flex-wrap:wrap;gap:1rem}svg{max-width:100%;height:auto}.warning{color:#a33}";
+
+/// The page: capture, warnings, satellites, position and plots. It needs no other file and no network.
+pub fn html(run: &Run) -> Result<String, ReportError> {
+    let title = escape(run.capture);
+    let mut page = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>{title}: sdr-rx</title>\n<style>{STYLE}</style>\n<h1>{title}</h1>\n"
+    );
+    let stream = run.stream;
+    let length =
+        stream.samples.map_or(String::new(), |n| format!(", {:.3} s", n as f64 / stream.rate_hz));
+    let _ = writeln!(
+        page,
+        "<p>{} at {} Hz, intermediate frequency {} Hz, {} channel(s){length}. sdr-rx {}.</p>",
+        escape(&stream.format),
+        stream.rate_hz,
+        stream.if_hz,
+        stream.channels,
+        env!("CARGO_PKG_VERSION")
+    );
+    for warning in run.warnings {
+        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escape(warning));
+    }
+    let _ = writeln!(page, "<h2>Position</h2>\n<pre>{}</pre>", escape(&fix_table(run)));
+    if let Some(summary) = Summary::new(run.fixes, run.stream.rate_hz) {
+        let first = run.fixes[0].time;
+        let times: Vec<f64> = run.fixes.iter().map(|f| f.time - first).collect();
+        let _ = writeln!(
+            page,
+            "<div class=\"plots\">\n{}{}{}</div>",
+            sky_plot(&sky(run))?,
+            east_north_plot(&summary)?,
+            height_plot(&summary, &times)?
+        );
+    }
+    let _ = writeln!(
+        page,
+        "<h2>Satellites found</h2>\n<pre>{}</pre>\n</html>",
+        escape(&acquisition_table(run.acquisitions))
+    );
+    Ok(page)
+}

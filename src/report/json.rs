@@ -1,0 +1,188 @@
+//! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
+
+use super::Run;
+use crate::acquisition::Acquisition;
+use crate::capture::StreamInfo;
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
+use crate::gnss::coordinates::Geodetic;
+use crate::positioning::{Fix, FixMethod};
+use serde::Serialize;
+
+/// The whole record of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    schema: &'static str,
+    version: &'static str,
+    #[serde(skip_serializing_if = "serde_json::Value::is_null")]
+    options: serde_json::Value,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    capture: Capture,
+    acquisitions: Vec<AcquisitionRecord>,
+    fixes: Vec<FixRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+    warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Capture {
+    name: String,
+    format: String,
+    rate_hz: f64,
+    if_hz: f64,
+    channels: usize,
+    real: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    duration_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start_utc: Option<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct AcquisitionRecord {
+    sv: Sv,
+    prn: u8,
+    doppler_hz: f64,
+    code_phase_chips: f64,
+    /// From the first sample to the next start of the code's period, us in [0, 1000).
+    code_offset_us: f64,
+    cn0_dbhz: f64,
+    statistic: f64,
+    false_alarm: f64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct FixRecord {
+    gps_week: i32,
+    tow_s: f64,
+    utc: String,
+    sample: f64,
+    lat_deg: f64,
+    lon_deg: f64,
+    /// Above the WGS 84 ellipsoid.
+    height_m: f64,
+    ecef_m: [f64; 3],
+    /// ECEF.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    velocity_mps: Option<[f64; 3]>,
+    clock_bias_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock_drift_sps: Option<f64>,
+    satellites: Vec<Sv>,
+    method: FixMethod,
+    solver: &'static str,
+    iterations: usize,
+    /// East, north, up.
+    sigma_m: [f64; 3],
+    pdop: f64,
+    hdop: f64,
+    vdop: f64,
+    residuals: Vec<ResidualRecord>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    excluded: Vec<Sv>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct ResidualRecord {
+    sv: Sv,
+    range_m: f64,
+    doppler_hz: f64,
+    azimuth_deg: f64,
+    elevation_deg: f64,
+}
+
+impl Document {
+    /// The record of a run.
+    pub fn new(run: &Run) -> Self {
+        Self {
+            schema: "sdr-rx/1",
+            version: env!("CARGO_PKG_VERSION"),
+            options: run.options.clone(),
+            seed: run.seed,
+            capture: Capture::new(run.capture, run.stream),
+            acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
+            fixes: run.fixes.iter().map(FixRecord::new).collect(),
+            reason: run.reason.map(str::to_owned),
+            warnings: run.warnings.to_vec(),
+        }
+    }
+}
+
+impl Capture {
+    fn new(name: &str, stream: &StreamInfo) -> Self {
+        Self {
+            name: name.to_owned(),
+            format: stream.format.clone(),
+            rate_hz: stream.rate_hz,
+            if_hz: stream.if_hz,
+            channels: stream.channels,
+            real: stream.real,
+            samples: stream.samples,
+            duration_s: stream.samples.map(|n| n as f64 / stream.rate_hz),
+            start_utc: stream.start_time.map(|t| t.utc_iso()),
+        }
+    }
+}
+
+impl AcquisitionRecord {
+    fn new(a: &Acquisition) -> Self {
+        let code_length = CA_CODE_LENGTH as f64;
+        let chips_to_start = (code_length - a.code_phase_chips).rem_euclid(code_length);
+        Self {
+            sv: a.sv,
+            prn: a.sv.prn(),
+            doppler_hz: a.doppler_hz,
+            code_phase_chips: a.code_phase_chips,
+            code_offset_us: chips_to_start / CA_CHIP_RATE * 1e6,
+            cn0_dbhz: a.cn0_dbhz,
+            statistic: a.statistic,
+            false_alarm: a.false_alarm,
+        }
+    }
+}
+
+impl FixRecord {
+    fn new(fix: &Fix) -> Self {
+        let place = Geodetic::from_ecef(&fix.position_m);
+        let residuals = fix.residuals.iter().map(|r| ResidualRecord {
+            sv: r.sv,
+            range_m: r.range_m,
+            doppler_hz: r.doppler_hz,
+            azimuth_deg: r.azimuth.to_degrees(),
+            elevation_deg: r.elevation.to_degrees(),
+        });
+        Self {
+            gps_week: fix.time.week(),
+            tow_s: fix.time.tow(),
+            utc: fix.time.utc_iso(),
+            sample: fix.sample,
+            lat_deg: place.latitude.to_degrees(),
+            lon_deg: place.longitude.to_degrees(),
+            height_m: place.height,
+            ecef_m: fix.position_m.into(),
+            velocity_mps: fix.velocity_mps.map(Into::into),
+            clock_bias_s: fix.clock_bias_s,
+            clock_drift_sps: fix.clock_drift_sps,
+            satellites: fix.residuals.iter().map(|r| r.sv).collect(),
+            method: fix.method,
+            solver: fix.solver,
+            iterations: fix.iterations,
+            sigma_m: std::array::from_fn(|k| fix.covariance[(k, k)].max(0.0).sqrt()),
+            pdop: fix.pdop,
+            hdop: fix.hdop,
+            vdop: fix.vdop,
+            residuals: residuals.collect(),
+            excluded: fix.excluded.clone(),
+        }
+    }
+}
+
+/// The record as one line of JSON with a line end. Numbers that are not finite become `null`.
+pub fn json(run: &Run) -> String {
+    // Serialising plain structs with string keys cannot fail.
+    serde_json::to_string(&Document::new(run)).expect("plain data serialises") + "\n"
+}

@@ -1,0 +1,43 @@
+//! The fixes as KML 2.2 for a globe viewer.
+
+use super::{Run, Summary};
+use crate::gnss::coordinates::Geodetic;
+use nalgebra::Vector3;
+use std::fmt::Write;
+
+/// The median and the track. Coordinates are longitude, latitude and height above the WGS 84 ellipsoid;
+/// as KML's own heights are above the geoid, the track is clamped to the ground.
+pub fn kml(run: &Run) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n<Document>\n",
+    );
+    let name = escape(run.capture);
+    let _ = writeln!(text, "<name>{name}</name>");
+    text += "<description>Heights are above the WGS 84 ellipsoid.</description>\n";
+    if let Some(summary) = Summary::new(run.fixes, run.stream.rate_hz) {
+        let _ = writeln!(
+            text,
+            "<Placemark><name>median of {} fixes</name><Point><coordinates>{}</coordinates></Point></Placemark>",
+            summary.fixes,
+            coordinates(&summary.median_m)
+        );
+    }
+    if run.fixes.len() > 1 {
+        text += "<Placemark><name>track</name><LineString><altitudeMode>clampToGround</altitudeMode><coordinates>\n";
+        for fix in run.fixes {
+            let _ = writeln!(text, "{}", coordinates(&fix.position_m));
+        }
+        text += "</coordinates></LineString></Placemark>\n";
+    }
+    text + "</Document>\n</kml>\n"
+}
+
+fn coordinates(position_m: &Vector3<f64>) -> String {
+    let p = Geodetic::from_ecef(position_m);
+    format!("{:.9},{:.9},{:.4}", p.longitude.to_degrees(), p.latitude.to_degrees(), p.height)
+}
+
+/// Text for XML and HTML.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

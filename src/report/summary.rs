@@ -1,0 +1,93 @@
+//! Figures that several reports share: the cloud of fixes and the sky at the end.
+
+use super::Run;
+use crate::gnss::Sv;
+use crate::gnss::coordinates::Geodetic;
+use crate::positioning::{Fix, Residual};
+use nalgebra::Vector3;
+
+/// A satellite in the sky of the last fix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyEntry {
+    /// The satellite.
+    pub sv: Sv,
+    /// Azimuth, rad from north over east.
+    pub azimuth: f64,
+    /// Elevation, rad.
+    pub elevation: f64,
+    /// Carrier-to-noise density at the last epoch that has the satellite, dB-Hz, if any has.
+    pub cn0_dbhz: Option<f64>,
+}
+
+/// The satellites of the last fix, in the order of [`Sv`].
+pub fn sky(run: &Run) -> Vec<SkyEntry> {
+    let cn0 = |sv: Sv| {
+        let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv == sv);
+        let acquired = || run.acquisitions.iter().find(|a| a.sv == sv).map(|a| a.cn0_dbhz);
+        newest.map(|o| o.cn0_dbhz).or_else(acquired)
+    };
+    let entry = |r: &Residual| {
+        let (sv, azimuth, elevation) = (r.sv, r.azimuth, r.elevation);
+        SkyEntry { sv, azimuth, elevation, cn0_dbhz: cn0(sv) }
+    };
+    run.fixes.last().map_or(Vec::new(), |fix| fix.residuals.iter().map(entry).collect())
+}
+
+/// The fixes of a run as a cloud around their median.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Summary {
+    /// Number of fixes.
+    pub fixes: usize,
+    /// First fix, s after the first sample.
+    pub first_fix_s: f64,
+    /// Median of each coordinate, m, ECEF.
+    pub median_m: Vector3<f64>,
+    /// East, north and up of each fix from the median, m.
+    pub offsets_m: Vec<Vector3<f64>>,
+    /// Half of the fixes are horizontally within this distance of the median, m.
+    pub horizontal_50_m: f64,
+    /// 95 of 100 fixes are.
+    pub horizontal_95_m: f64,
+    /// Half of the heights are within this distance of the median, m.
+    pub vertical_50_m: f64,
+    /// 95 of 100 heights are.
+    pub vertical_95_m: f64,
+    /// Median speed, m/s, where velocities are known.
+    pub speed_mps: Option<f64>,
+    /// Median PDOP.
+    pub pdop: f64,
+}
+
+impl Summary {
+    /// Sums up the fixes of a stream of `rate_hz`; nothing if there is none.
+    pub fn new(fixes: &[Fix], rate_hz: f64) -> Option<Self> {
+        let first = fixes.first()?;
+        let coordinate = |k: usize| quantile(fixes.iter().map(|f| f.position_m[k]).collect(), 0.5);
+        let median_m = Vector3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?);
+        let to_enu = Geodetic::from_ecef(&median_m).ecef_to_enu();
+        let offsets_m: Vec<_> = fixes.iter().map(|f| to_enu * (f.position_m - median_m)).collect();
+        let horizontal = |q| quantile(offsets_m.iter().map(|o| o.xy().norm()).collect(), q);
+        let vertical = |q| quantile(offsets_m.iter().map(|o| o.z.abs()).collect(), q);
+        let speeds = fixes.iter().filter_map(|f| f.velocity_mps).map(|v| v.norm()).collect();
+        Some(Self {
+            fixes: fixes.len(),
+            first_fix_s: first.sample / rate_hz,
+            median_m,
+            horizontal_50_m: horizontal(0.5)?,
+            horizontal_95_m: horizontal(0.95)?,
+            vertical_50_m: vertical(0.5)?,
+            vertical_95_m: vertical(0.95)?,
+            speed_mps: quantile(speeds, 0.5),
+            pdop: quantile(fixes.iter().map(|f| f.pdop).collect(), 0.5)?,
+            offsets_m,
+        })
+    }
+}
+
+/// The `q` quantile by linear interpolation between order statistics, none of an empty list.
+fn quantile(mut values: Vec<f64>, q: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let at = q * values.len().checked_sub(1)? as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    Some(values[low] + (values[high] - values[low]) * at.fract())
+}

@@ -1,0 +1,117 @@
+//! Plots as SVG. The drawing library is named in this file only.
+
+use super::{ReportError, SkyEntry, Summary};
+use plotters::prelude::*;
+use std::error::Error;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+const FONT: &str = "sans-serif";
+const GRID: RGBColor = RGBColor(200, 200, 200);
+const INK: RGBColor = RGBColor(31, 90, 160);
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Drawn = Result<(), Box<dyn Error + Send + Sync>>;
+
+fn draw(
+    plot: &'static str,
+    size: (u32, u32),
+    body: impl FnOnce(&Area) -> Drawn,
+) -> Result<String, ReportError> {
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        let drawn = area.fill(&WHITE).map_err(Into::into).and_then(|()| body(&area));
+        let shown = drawn.and_then(|()| Ok(area.present()?));
+        shown.map_err(|e| ReportError::Plot { plot, problem: e.to_string() })?;
+    }
+    Ok(svg)
+}
+
+/// The sky: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
+pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
+    draw("sky plot", (420, 420), |area| {
+        let chart =
+            ChartBuilder::on(area).margin(10).build_cartesian_2d(-1.15f64..1.15, -1.15f64..1.15)?;
+        let plane = chart.plotting_area();
+        let at = |radius: f64, azimuth: f64| (radius * azimuth.sin(), radius * azimuth.cos());
+        for elevation_deg in [0, 30, 60] {
+            let radius = 1.0 - f64::from(elevation_deg) / 90.0;
+            let ring =
+                (0..=120).map(|k| at(radius, TAU * f64::from(k) / 120.0)).collect::<Vec<_>>();
+            plane.draw(&PathElement::new(ring, GRID))?;
+            let label = Text::new(
+                format!("{elevation_deg}°"),
+                at(radius, 0.05),
+                (FONT, 11).into_font().color(&GRID),
+            );
+            plane.draw(&label)?;
+        }
+        for (k, name) in ["N", "E", "S", "W"].into_iter().enumerate() {
+            let azimuth = FRAC_PI_2 * k as f64;
+            plane.draw(&PathElement::new(vec![at(0.0, 0.0), at(1.0, azimuth)], GRID))?;
+            let (x, y) = at(1.08, azimuth);
+            plane.draw(&Text::new(name, (x - 0.02, y + 0.03), (FONT, 14)))?;
+        }
+        for s in sky {
+            let place = at((1.0 - s.elevation / FRAC_PI_2).clamp(0.0, 1.0), s.azimuth);
+            let colour = s.cn0_dbhz.map_or(RGBColor(128, 128, 128), |cn0| {
+                let share = ((cn0 - 30.0) / 20.0).clamp(0.0, 1.0);
+                let (r, g, b) = HSLColor(share / 3.0, 0.8, 0.4).to_backend_color().rgb;
+                RGBColor(r, g, b)
+            });
+            plane.draw(&Circle::new(place, 7, colour.filled()))?;
+            let cn0 = s.cn0_dbhz.map_or(String::new(), |c| format!(" {c:.0}"));
+            plane.draw(&Text::new(
+                format!("{}{cn0}", s.sv),
+                (place.0 + 0.04, place.1 + 0.07),
+                (FONT, 12),
+            ))?;
+        }
+        Ok(())
+    })
+}
+
+/// East and north of the fixes around their median, m, both axes alike.
+pub fn east_north_plot(summary: &Summary) -> Result<String, ReportError> {
+    let points = summary.offsets_m.iter().map(|o| (o.x, o.y));
+    let reach = points.clone().fold(0.5f64, |m, (e, n)| m.max(e.abs()).max(n.abs())) * 1.1;
+    draw("east/north plot", (420, 420), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(-reach..reach, -reach..reach)?;
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .x_desc("east / m")
+            .y_desc("north / m")
+            .draw()?;
+        chart.draw_series(points.map(|p| Circle::new(p, 2, INK.filled())))?;
+        Ok(())
+    })
+}
+
+/// Height of the fixes over the time since the first, m above the median; `times_s` has one entry a fix.
+pub fn height_plot(summary: &Summary, times_s: &[f64]) -> Result<String, ReportError> {
+    let points = times_s.iter().copied().zip(summary.offsets_m.iter().map(|o| o.z));
+    let reach = points.clone().fold(0.5f64, |m, (_, up)| m.max(up.abs())) * 1.1;
+    let end = times_s.last().copied().unwrap_or(0.0).max(1e-3);
+    draw("height plot", (640, 260), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..end, -reach..reach)?;
+        let description = "up from the median / m";
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .x_desc("time since the first fix / s")
+            .y_desc(description)
+            .draw()?;
+        chart.draw_series(LineSeries::new(points.clone(), INK))?;
+        chart.draw_series(points.map(|p| Circle::new(p, 2, INK.filled())))?;
+        Ok(())
+    })
+}

@@ -1,0 +1,118 @@
+//! Tables for the terminal.
+
+use super::{Run, SkyEntry, Summary};
+use crate::acquisition::Acquisition;
+use crate::gnss::coordinates::Geodetic;
+use std::f64::consts::FRAC_PI_2;
+use std::fmt::Write;
+
+/// One line per satellite found: Doppler, code phase, C/N0 as number and bar, false-alarm probability.
+pub fn acquisition_table(acquisitions: &[Acquisition]) -> String {
+    if acquisitions.is_empty() {
+        return "no satellite found\n".to_owned();
+    }
+    let mut text =
+        String::from("  sv   Doppler/Hz  code/chips  C/N0/dB-Hz               false alarm\n");
+    for a in acquisitions {
+        let _ = writeln!(
+            text,
+            "  {}  {:+10.1}  {:10.3}  {:10.1} {:13} {:11.1e}",
+            a.sv,
+            a.doppler_hz,
+            a.code_phase_chips,
+            a.cn0_dbhz,
+            bar(a.cn0_dbhz),
+            a.false_alarm
+        );
+    }
+    text
+}
+
+/// One block per dB-Hz over 25, two to a character, up to 13 characters (51 dB-Hz).
+fn bar(cn0_dbhz: f64) -> String {
+    let halves = (cn0_dbhz - 25.0).round().clamp(0.0, 26.0) as usize;
+    "#".repeat(halves / 2) + if halves % 2 == 1 { "+" } else { "" }
+}
+
+/// What the fixes come to: first fix, median position, spread, velocity, DOP; or why there is none.
+pub fn fix_table(run: &Run) -> String {
+    let (Some(s), Some(last)) = (Summary::new(run.fixes, run.stream.rate_hz), run.fixes.last())
+    else {
+        return format!("no fix: {}\n", run.reason.unwrap_or("no reason is known"));
+    };
+    let place = Geodetic::from_ecef(&s.median_m);
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(text, "  {name:<11} {value}");
+    };
+    line("fixes", format!("{} by {}, {} satellites", s.fixes, last.solver, last.residuals.len()));
+    line("first fix", format!("{:.1} s after the first sample", s.first_fix_s));
+    line("last fix", last.time.utc_iso());
+    line(
+        "position",
+        format!(
+            "{:.7} deg, {:.7} deg, {:.2} m above WGS 84 (latitude, longitude, height; median)",
+            place.latitude.to_degrees(),
+            place.longitude.to_degrees(),
+            place.height
+        ),
+    );
+    let [x, y, z]: [f64; 3] = s.median_m.into();
+    line("ECEF", format!("{x:.2} {y:.2} {z:.2} m"));
+    line(
+        "spread",
+        format!(
+            "horizontal {:.2} m (50 %) {:.2} m (95 %), vertical {:.2} m (50 %) {:.2} m (95 %)",
+            s.horizontal_50_m, s.horizontal_95_m, s.vertical_50_m, s.vertical_95_m
+        ),
+    );
+    if let Some(v) = last.velocity_mps {
+        let enu = Geodetic::from_ecef(&last.position_m).ecef_to_enu() * v;
+        line(
+            "velocity",
+            format!("east {:+.3} north {:+.3} up {:+.3} m/s (last)", enu.x, enu.y, enu.z),
+        );
+    }
+    line(
+        "DOP",
+        format!(
+            "position {:.2} (median), horizontal {:.2}, vertical {:.2} (last)",
+            s.pdop, last.hdop, last.vdop
+        ),
+    );
+    if !last.excluded.is_empty() {
+        let names: Vec<String> = last.excluded.iter().map(ToString::to_string).collect();
+        line("excluded", names.join(" "));
+    }
+    text
+}
+
+/// The sky as text: north up, east right, the zenith in the middle and the horizon as the edge.
+pub fn sky_text(sky: &[SkyEntry]) -> String {
+    const RADIUS: usize = 10;
+    let (rows, columns) = (2 * RADIUS + 1, 4 * RADIUS + 4);
+    let mut grid = vec![vec![b' '; columns]; rows];
+    let mut put = |radius: f64, azimuth: f64, text: &str| {
+        // A character is about twice as high as wide.
+        let row = (RADIUS as f64 * (1.0 - radius * azimuth.cos())).round() as usize;
+        let column = (2.0 * RADIUS as f64 * (1.0 + radius * azimuth.sin())).round() as usize;
+        for (cell, byte) in
+            grid[row.min(rows - 1)][column.min(columns - 3)..].iter_mut().zip(text.bytes())
+        {
+            *cell = byte;
+        }
+    };
+    for degree in (0..360).step_by(5) {
+        let azimuth = f64::from(degree).to_radians();
+        put(1.0, azimuth, ".");
+    }
+    put(0.0, 0.0, "+");
+    for (k, name) in ["N", "E", "S", "W"].into_iter().enumerate() {
+        put(1.0, FRAC_PI_2 * k as f64, name);
+    }
+    for s in sky {
+        put((1.0 - s.elevation / FRAC_PI_2).clamp(0.0, 1.0), s.azimuth, &s.sv.to_string());
+    }
+    let lines = grid.iter().map(|row| String::from_utf8_lossy(row).trim_end().to_owned() + "\n");
+    lines.collect()
+}

@@ -1,0 +1,127 @@
+//! A receiver that stands in Tokyo, its observations computed from broadcast ephemerides without noise.
+
+use libtest_mimic::Failed;
+use nalgebra::{Matrix4, Vector3};
+use sdr_rx::acquisition::Acquisition;
+use sdr_rx::capture::StreamInfo;
+use sdr_rx::gnss::constants::{L1_HZ, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx::gnss::coordinates::azimuth_elevation;
+use sdr_rx::gnss::ephemeris::Propagation;
+use sdr_rx::gnss::{GpsTime, NavigationData, Sv, rinex_nav};
+use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::positioning::{Fix, FixMethod, Residual};
+use sdr_rx::report::Run;
+use std::path::Path;
+
+/// Where the receiver stands, m, ECEF.
+pub const PLACE: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
+/// Receive times, one a second.
+pub const EPOCHS: usize = 30;
+/// Samples per second.
+const RATE_HZ: f64 = 2.6e6;
+
+pub struct Scene {
+    pub navigation: NavigationData,
+    pub epochs: Vec<ObservationEpoch>,
+    pub fixes: Vec<Fix>,
+    acquisitions: Vec<Acquisition>,
+    stream: StreamInfo,
+    warnings: Vec<String>,
+}
+
+impl Scene {
+    pub fn new(folder: &Path) -> Result<Self, Failed> {
+        let navigation = rinex_nav::read(folder.join("nav/brdc0010.22n"))?;
+        let start = GpsTime::from_week_tow(2190, 525_600.0);
+        let epochs: Vec<_> = (0..EPOCHS).map(|k| epoch(&navigation, start + k as f64, k)).collect();
+        let fixes = epochs.iter().map(|e| fix(&navigation, e)).collect();
+        let acquisition = |o: &Observation| Acquisition {
+            sv: o.sv,
+            doppler_hz: o.doppler_hz,
+            code_phase_chips: 511.5,
+            cn0_dbhz: o.cn0_dbhz,
+            statistic: 50.0,
+            false_alarm: 1e-12,
+        };
+        let stream = StreamInfo {
+            rate_hz: RATE_HZ,
+            if_hz: 0.0,
+            channels: 1,
+            real: false,
+            samples: Some((EPOCHS as f64 * RATE_HZ) as u64),
+            start_time: None,
+            format: "cs8".to_owned(),
+        };
+        let acquisitions = epochs[0].observations.iter().map(acquisition).collect();
+        let warnings = vec!["spectrum <mirrored>?".to_owned()];
+        Ok(Self { navigation, epochs, fixes, acquisitions, stream, warnings })
+    }
+
+    pub fn run(&self) -> Run<'_> {
+        Run {
+            capture: "scene & co.bin",
+            stream: &self.stream,
+            acquisitions: &self.acquisitions,
+            epochs: &self.epochs,
+            fixes: &self.fixes,
+            navigation: &self.navigation,
+            warnings: &self.warnings,
+            reason: None,
+            seed: Some(7),
+            options: serde_json::json!({ "troposphere": "none" }),
+        }
+    }
+}
+
+fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpoch {
+    let observe = |sv: Sv| {
+        let eph = navigation.ephemeris(sv, time).filter(|e| e.health == 0)?;
+        let p = Propagation::solve(eph, &PLACE, time);
+        let (_, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
+        let metres = p.range_m - SPEED_OF_LIGHT * p.satellite.clock_bias_s;
+        let sight = (p.satellite.position_m - PLACE) / p.range_m;
+        let doppler_hz = -sight.dot(&p.satellite.velocity_mps) / L1_WAVELENGTH
+            + L1_HZ * p.satellite.clock_drift_sps;
+        (elevation > 0.26).then_some(Observation {
+            sv,
+            range: CodeRange::Pseudorange(metres),
+            range_sigma_m: 1.0,
+            doppler_hz,
+            doppler_sigma_hz: 1.0,
+            carrier_phase_cycles: Some(metres / L1_WAVELENGTH),
+            lost_lock: k == 3,
+            cn0_dbhz: 35.0 + 10.0 * elevation.sin(),
+        })
+    };
+    let observations = navigation.satellites().filter_map(observe).collect();
+    ObservationEpoch { receive_time: time, sample: k as f64 * RATE_HZ, observations }
+}
+
+/// A fix at the true place, a metre off to the east or west by turns.
+fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
+    let residual = |o: &Observation| {
+        let eph = navigation.ephemeris(o.sv, epoch.receive_time)?;
+        let p = Propagation::solve(eph, &PLACE, epoch.receive_time);
+        let (azimuth, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
+        Some(Residual { sv: o.sv, range_m: 0.5, doppler_hz: 0.1, azimuth, elevation })
+    };
+    let side = if epoch.sample as u64 / RATE_HZ as u64 % 2 == 0 { 1.0 } else { -1.0 };
+    let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&PLACE).ecef_to_enu();
+    Fix {
+        time: epoch.receive_time,
+        sample: epoch.sample,
+        position_m: PLACE + to_enu.transpose() * Vector3::new(side, 0.0, 0.0),
+        velocity_mps: Some(to_enu.transpose() * Vector3::new(0.0, 2.0, 0.0)),
+        clock_bias_s: 0.0,
+        clock_drift_sps: Some(0.0),
+        covariance: Matrix4::identity(),
+        pdop: 2.0,
+        hdop: 1.2,
+        vdop: 1.6,
+        residuals: epoch.observations.iter().filter_map(residual).collect(),
+        excluded: Vec::new(),
+        method: FixMethod::Tracking,
+        solver: "aw-dgn-bt",
+        iterations: 9,
+    }
+}
