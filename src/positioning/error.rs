@@ -21,8 +21,6 @@ pub enum DropReason {
     Unhealthy(u8),
     /// The satellite is below the elevation mask, at this elevation in rad.
     BelowMask(f64),
-    /// The satellite disagrees with the others.
-    Faulty,
 }
 
 impl fmt::Display for DropReason {
@@ -37,7 +35,6 @@ impl fmt::Display for DropReason {
             Self::BelowMask(elevation) => {
                 write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
             }
-            Self::Faulty => write!(f, "faulty"),
         }
     }
 }

@@ -20,7 +20,7 @@ pub struct Residual {
     pub sv: Sv,
     /// Observed minus computed code range, m.
     pub range_m: f64,
-    /// Observed minus computed Doppler, Hz.
+    /// Observed minus computed Doppler, Hz; NaN where none was measured.
     pub doppler_hz: f64,
     /// Azimuth, rad from north over east.
     pub azimuth: f64,

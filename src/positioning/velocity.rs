@@ -7,7 +7,7 @@ use super::statistics::chi_square_limit;
 use nalgebra::{Vector3, Vector4};
 
 /// How well a range rate can be predicted, m/s: change of the ionosphere, satellite velocity.
-const MODEL_SIGMA: f64 = 0.02;
+pub(super) const MODEL_SIGMA: f64 = 0.02;
 
 /// How the receiver moves.
 #[derive(Clone, Copy, Debug)]

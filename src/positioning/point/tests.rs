@@ -1,0 +1,159 @@
+//! The full model on exact, noisy and faulty observations of known truth.
+
+use super::super::synthetic::{Truth, navigation_data};
+use super::*;
+use crate::gnss::Ephemeris;
+use crate::gnss::atmosphere::Troposphere;
+use nalgebra::Matrix3;
+
+const MASK: f64 = 0.1;
+
+fn shift(epoch: &mut ObservationEpoch, index: usize, error_m: f64) -> Sv {
+    let observation = &mut epoch.observations[index];
+    if let CodeRange::Pseudorange(range_m) = &mut observation.range {
+        *range_m += error_m;
+    }
+    observation.sv
+}
+
+fn keep(epoch: &mut ObservationEpoch, count: usize) {
+    epoch.observations.truncate(count);
+}
+
+#[test]
+fn exact_observations_give_position_velocity_and_clock_back() {
+    let nav = navigation_data();
+    let rest = Truth::at_rest();
+    let moving = Truth {
+        velocity_mps: Vector3::new(150.0, -80.0, 120.0),
+        bias_s: 0.037,
+        drift_sps: 6e-6,
+        ..rest
+    };
+    let behind = Truth { bias_s: -2.5, drift_sps: -1e-6, ..rest };
+    for troposphere in [Troposphere::None, Troposphere::Saastamoinen] {
+        let options = PositioningOptions { troposphere, ..Default::default() };
+        for truth in [rest, moving, behind] {
+            let epoch = truth.observe(&nav, &options, MASK);
+            assert!(epoch.observations.len() >= 6);
+            let fix = solve_epoch(&epoch, &nav, &options).unwrap();
+            // The last step was below 1e-4 m; GpsTime and f64 ranges resolve 1e-8 m.
+            assert!((fix.position_m - truth.position_m).norm() < 1e-4);
+            assert!((fix.clock_bias_s - truth.bias_s).abs() * SPEED_OF_LIGHT < 1e-4);
+            assert!((fix.time - truth.time).abs() * SPEED_OF_LIGHT < 1e-4);
+            // Third derivative of the range times 0.5^2/6: below 1e-5 m/s.
+            assert!((fix.velocity_mps.unwrap() - truth.velocity_mps).norm() < 1e-4);
+            let drift_error = fix.clock_drift_sps.unwrap() - truth.drift_sps;
+            assert!(drift_error.abs() * SPEED_OF_LIGHT < 1e-4);
+            assert!(fix.excluded.is_empty() && fix.residuals.len() == epoch.observations.len());
+            assert!((7..=16).contains(&fix.iterations), "{}", fix.iterations);
+            assert!(fix.pdop > 1.0 && fix.pdop.hypot(0.0) >= fix.hdop.max(fix.vdop));
+        }
+    }
+}
+
+#[test]
+fn covariance_is_that_of_a_monte_carlo() {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    let (nav, truth, options) =
+        (navigation_data(), Truth::at_rest(), PositioningOptions::default());
+    let exact = truth.observe(&nav, &options, MASK);
+    let sigmas: Vec<f64> = exact
+        .observations
+        .iter()
+        .map(|o| {
+            let ephemeris = nav.nearest(o.sv, truth.time).unwrap();
+            let sight = Sight::new(ephemeris, &truth.position_m, truth.time, &nav, &options);
+            o.range_sigma_m.hypot(sight.range_sigma_m)
+        })
+        .collect();
+    let enu = crate::gnss::coordinates::Geodetic::from_ecef(&truth.position_m).ecef_to_enu();
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let (mut sum, mut predicted) = (Matrix3::zeros(), Matrix3::zeros());
+    const RUNS: usize = 2000;
+    for _ in 0..RUNS {
+        let mut epoch = exact.clone();
+        for (index, sigma) in sigmas.iter().enumerate() {
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            shift(&mut epoch, index, noise * sigma);
+        }
+        let fix = solve_epoch(&epoch, &nav, &options).unwrap();
+        let error = enu * (fix.position_m - truth.position_m);
+        sum += error * error.transpose() / RUNS as f64;
+        predicted = fix.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    }
+    // A sample variance of 2000 runs has a relative deviation of sqrt(2/2000) = 3 %.
+    for axis in 0..3 {
+        let ratio = sum[(axis, axis)] / predicted[(axis, axis)];
+        assert!((ratio - 1.0).abs() < 0.13, "axis {axis}: {ratio}");
+    }
+}
+
+#[test]
+fn a_faulty_satellite_is_excluded_with_six_and_refused_with_five() {
+    let (nav, truth, options) =
+        (navigation_data(), Truth::at_rest(), PositioningOptions::default());
+    let exact = truth.observe(&nav, &options, MASK);
+    for error_m in [300.0, -2e3, 3e4, 3e5] {
+        for index in 0..6 {
+            let mut epoch = exact.clone();
+            let faulty = shift(&mut epoch, index, error_m);
+            let fix = solve_epoch(&epoch, &nav, &options).unwrap();
+            assert_eq!(fix.excluded, [faulty], "{error_m}");
+            assert!((fix.position_m - truth.position_m).norm() < 1e-4);
+        }
+        let mut five = exact.clone();
+        keep(&mut five, 5);
+        shift(&mut five, 2, error_m);
+        assert!(solve_epoch(&five, &nav, &options).is_err(), "{error_m}");
+    }
+}
+
+#[test]
+fn a_faulty_doppler_does_not_touch_the_velocity() {
+    let (nav, truth, options) =
+        (navigation_data(), Truth::at_rest(), PositioningOptions::default());
+    let mut epoch = truth.observe(&nav, &options, MASK);
+    epoch.observations[3].doppler_hz += 25.0;
+    let fix = solve_epoch(&epoch, &nav, &options).unwrap();
+    assert!(fix.velocity_mps.unwrap().norm() < 1e-4);
+    assert!((fix.residuals[3].doppler_hz - 25.0).abs() < 1e-3);
+}
+
+#[test]
+fn errors_name_the_cause() {
+    let (nav, truth, options) =
+        (navigation_data(), Truth::at_rest(), PositioningOptions::default());
+    let epoch = truth.observe(&nav, &options, MASK);
+    let fails = |epoch: &ObservationEpoch, nav: &NavigationData, words: &str| {
+        let message = solve_epoch(epoch, nav, &options).unwrap_err().to_string();
+        assert!(message.contains(words), "'{message}' does not say '{words}'");
+    };
+    let mut few = epoch.clone();
+    keep(&mut few, 3);
+    fails(&few, &nav, "3 usable satellites, a position needs 4");
+    fails(&epoch, &NavigationData::default(), "no ephemeris");
+    let late = ObservationEpoch { receive_time: epoch.receive_time + 86_400.0, ..epoch.clone() };
+    fails(&late, &nav, "24.2 hours from the given time");
+    let mut broken = epoch.clone();
+    keep(&mut broken, 4);
+    broken.observations[1].range = CodeRange::Pseudorange(f64::NAN);
+    fails(&broken, &nav, "its measurement is not a number");
+    let mut ill = NavigationData::default();
+    nav.iter().for_each(|e| ill.insert(Ephemeris { health: 63, ..e.clone() }));
+    fails(&epoch, &ill, "unhealthy");
+    let mut snapshot = epoch.clone();
+    snapshot.observations.iter_mut().for_each(|o| o.range = CodeRange::ModuloCodePeriod(1.0));
+    fails(&snapshot, &nav, "wrong kind");
+    let high = PositioningOptions { elevation_mask: 1.2, ..options };
+    let error = solve_epoch(&epoch, &nav, &high).unwrap_err().to_string();
+    assert!(error.contains("below the mask"), "{error}");
+    // Seen under one line of sight: copies of one satellite under other names.
+    let mut clones = NavigationData::default();
+    let first = nav.nearest(epoch.observations[0].sv, truth.time).unwrap();
+    for observation in &epoch.observations {
+        clones.insert(Ephemeris { sv: observation.sv, ..first.clone() });
+    }
+    fails(&truth.observe(&clones, &options, MASK), &clones, "singular");
+}

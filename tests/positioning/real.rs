@@ -1,0 +1,174 @@
+//! Real and independent observations with known coordinates.
+
+use crate::common::data_trial;
+use libtest_mimic::{Failed, Trial};
+use nalgebra::Vector3;
+use sdr_rx::gnss::atmosphere::Troposphere;
+use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
+use sdr_rx::gnss::coordinates::Geodetic;
+use sdr_rx::gnss::{GpsTime, NavigationData, rinex_nav};
+use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
+use std::path::Path;
+
+pub fn trials() -> Vec<Trial> {
+    vec![
+        data_trial("a_simulated_ublox_is_located_to_three_metres", simulated_ublox),
+        data_trial("a_septentrio_on_a_roof_is_located_to_five_metres", septentrio),
+        data_trial("real_code_phases_of_one_epoch_are_a_snapshot", snapshot),
+    ]
+}
+
+/// One satellite of a RINEX file with code, phase, Doppler and C/N0 from field `first` on.
+fn observation(name: &str, fields: &str, first: usize) -> Option<Observation> {
+    let field =
+        |k: usize| fields.get(16 * (first + k)..16 * (first + k) + 14)?.trim().parse::<f64>().ok();
+    let cn0_dbhz = field(3)?;
+    // A code loop of 1 Hz with narrow correlators: about 0.5 m and 0.1 Hz at 45 dB-Hz.
+    let noise = 10f64.powf((45.0 - cn0_dbhz) / 20.0);
+    Some(Observation {
+        sv: name.replace(' ', "0").parse().ok()?,
+        range: CodeRange::Pseudorange(field(0)?),
+        range_sigma_m: 0.5 * noise,
+        doppler_hz: field(2)?,
+        doppler_sigma_hz: 0.1 * noise,
+        carrier_phase_cycles: field(1),
+        lost_lock: false,
+        cn0_dbhz,
+    })
+}
+
+fn time(text: &str) -> Option<GpsTime> {
+    let numbers: Vec<f64> =
+        text.split_whitespace().take(6).map(|t| t.parse().ok()).collect::<Option<_>>()?;
+    let &[year, month, day, hour, minute, second] = &numbers[..] else { return None };
+    let year = if year < 100.0 { year + 2000.0 } else { year };
+    Some(GpsTime::from_calendar(
+        year as i32,
+        month as u32,
+        day as u32,
+        hour as u32,
+        minute as u32,
+        second,
+    ))
+}
+
+/// The GPS L1 C/A part of the RINEX 2 or 3 files at hand; no reader for others.
+fn epochs(path: &Path) -> Result<Vec<ObservationEpoch>, Failed> {
+    let text = std::fs::read_to_string(path)?;
+    let mut lines = text.lines().skip_while(|l| !l.contains("END OF HEADER")).skip(1).peekable();
+    let mut epochs = Vec::new();
+    while let Some(line) = lines.next() {
+        let modern = line.starts_with('>');
+        let receive_time = time(line.get(1..29).unwrap_or("")).ok_or("no epoch line")?;
+        let columns = if modern { 32..35 } else { 29..32 };
+        let count: usize = line.get(columns).ok_or("no count")?.trim().parse()?;
+        let mut names = line.get(32..).unwrap_or("").to_owned();
+        while !modern && names.trim_end().len() < 3 * count {
+            names = names.trim_end().to_owned() + lines.next().ok_or("file ends")?.trim_start();
+        }
+        let mut observations: Vec<Observation> = (0..count)
+            .filter_map(|k| {
+                let row = lines.next()?;
+                let (name, fields) =
+                    if modern { row.split_at(3) } else { (names.get(3 * k..3 * k + 3)?, row) };
+                // The RINEX 3 files at hand give the receiver's channel (X1) first.
+                name.starts_with('G').then(|| observation(name, fields, usize::from(modern)))?
+            })
+            .collect();
+        observations.sort_by_key(|o| o.sv);
+        epochs.push(ObservationEpoch { receive_time, sample: 0.0, observations });
+    }
+    Ok(epochs)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Every epoch has a fix; the median 3-D error is below `bound_m`.
+fn check(
+    epochs: &[ObservationEpoch],
+    truth: &Vector3<f64>,
+    bound_m: f64,
+    solve: impl Fn(&ObservationEpoch) -> Result<Fix, Failed>,
+) -> Result<(), Failed> {
+    let fixes: Vec<Fix> = epochs.iter().map(solve).collect::<Result<_, _>>()?;
+    let error = median(fixes.iter().map(|f| (f.position_m - truth).norm()).collect());
+    let speed = median(fixes.iter().filter_map(|f| Some(f.velocity_mps?.norm())).collect());
+    let iterations = fixes.iter().map(|f| f.iterations).sum::<usize>() as f64 / fixes.len() as f64;
+    let satellites = fixes.iter().map(|f| f.residuals.len()).sum::<usize>() / fixes.len();
+    let excluded = fixes.iter().filter(|f| !f.excluded.is_empty()).count();
+    println!(
+        "{} epochs: median error {error:.2} m, speed {speed:.3} m/s, {satellites} satellites, \
+         {iterations:.1} iterations, exclusions in {excluded}",
+        fixes.len()
+    );
+    // The receivers rest; a Doppler of 0.1 to 0.5 Hz is 0.02 to 0.1 m/s, times a dilution of 3.
+    if error <= bound_m && speed < 0.3 {
+        Ok(())
+    } else {
+        Err(format!("median error {error} m, speed {speed} m/s").into())
+    }
+}
+
+fn full(
+    nav: &NavigationData,
+    options: PositioningOptions,
+) -> impl Fn(&ObservationEpoch) -> Result<Fix, Failed> {
+    move |epoch| Ok(solve_epoch(epoch, nav, &options)?)
+}
+
+fn simulated_ublox(folder: &Path) -> Result<(), Failed> {
+    let folder = folder.join("obs/gps-sdr-sim-rtk");
+    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    let truth = Vector3::new(-3_813_409.771, 3_554_349.703, 3_662_785.237);
+    let options = PositioningOptions { troposphere: Troposphere::None, ..Default::default() };
+    check(&epochs(&folder.join("base.obs"))?, &truth, 3.0, full(&nav, options))
+}
+
+fn septentrio(folder: &Path) -> Result<(), Failed> {
+    let folder = folder.join("obs/matrtklib-static");
+    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    for station in ["rover", "base"] {
+        let truth = place(&folder.join(format!("{station}_position.txt")))?;
+        let epochs = epochs(&folder.join(format!("{station}.obs")))?;
+        check(&epochs, &truth, 5.0, full(&nav, PositioningOptions::default()))?;
+    }
+    Ok(())
+}
+
+/// Latitude, longitude (deg) and height (m) of a file, as ECEF.
+fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
+    let text = std::fs::read_to_string(path)?;
+    let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+    let &[latitude, longitude, height] = &numbers[..] else { return Err("three numbers".into()) };
+    Ok(Geodetic::from_degrees(latitude, longitude, height).to_ecef())
+}
+
+/// The pseudoranges of the roof cut to their part of a millisecond, and the time told wrong by up to
+/// a minute: time is found to 0.1 s. Coarse time costs about three times the error of the full fix.
+fn snapshot(folder: &Path) -> Result<(), Failed> {
+    let folder = folder.join("obs/matrtklib-static");
+    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    let truth = place(&folder.join("rover_position.txt"))?;
+    let mut epochs: Vec<ObservationEpoch> =
+        epochs(&folder.join("rover.obs"))?.into_iter().step_by(10).collect();
+    let mut times = Vec::new();
+    for (k, epoch) in epochs.iter_mut().enumerate() {
+        times.push(epoch.receive_time);
+        epoch.receive_time = epoch.receive_time + (37.0 * k as f64).rem_euclid(120.0) - 60.0;
+        for observation in &mut epoch.observations {
+            if let CodeRange::Pseudorange(range_m) = observation.range {
+                let phase_m = range_m.rem_euclid(SPEED_OF_LIGHT * 1e-3);
+                observation.range = CodeRange::ModuloCodePeriod(phase_m);
+            }
+        }
+    }
+    check(&epochs, &truth, 15.0, |epoch| {
+        let fix = solve_snapshot(epoch, &nav, &SnapshotOptions::default())?;
+        let nearest = times.iter().map(|t| (fix.time - *t).abs()).fold(f64::INFINITY, f64::min);
+        if nearest < 0.1 { Ok(fix) } else { Err(format!("time off by {nearest} s").into()) }
+    })
+}
