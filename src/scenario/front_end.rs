@@ -72,6 +72,9 @@ impl FrontEndSettings {
         if carrier.abs() >= rate / 2.0 {
             return Some(format!("if_hz {carrier} lies outside the samples' +-{} Hz", rate / 2.0));
         }
+        if !self.dc_offset.iter().all(|v| v.abs() <= 100.0) {
+            return Some("dc_offset must be two shares of the rms, each -100 to 100".into());
+        }
         let fits = carrier.abs() > bandwidth / 2.0 && carrier.abs() + bandwidth / 2.0 < rate / 2.0;
         (self.real && !fits).then(|| {
             format!(

@@ -30,6 +30,20 @@ bits = 8
 
 /// What is replaced, by what, what the message must say, and where (a line, where there is one).
 const CASES: &[(&str, &str, &str, &str)] = &[
+    (
+        "geodetic = { latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }",
+        "ecef_m = [1.0, 2.0, 3.0]",
+        "no place for an antenna",
+        "",
+    ),
+    (
+        "motion = \"static\"",
+        "motion.straight = { velocity_enu_mps = [nan, 0.0, 0.0] }",
+        "-10000 to 10000 m/s",
+        "",
+    ),
+    ("fading = []", "fading = [[0.0, inf]]", "must be finite", ""),
+    ("if_hz = 0.0", "dc_offset = [nan, 0.0]", "dc_offset must be", ""),
     ("duration_s = 0.01", "duration_s = -1.0", "above 0", "line 2"),
     ("duration_s = 0.01", "duration_s = 0.0", "above 0", "line 2"),
     ("duration_s = 0.01", "duration_s = nan", "above 0", "line 2"),
