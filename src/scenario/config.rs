@@ -234,6 +234,18 @@ impl Scenario {
 
     /// What does not fit together, if anything.
     fn conflict(&self) -> Option<String> {
+        let radius = self.receiver.position.ecef().norm();
+        if !(6.2e6..1e8).contains(&radius) {
+            return Some(format!(
+                "[receiver] position: {radius:.0} m from the Earth's centre is no place for an antenna \
+                 (ecef_m is in metres; 6.2e6 to 1e8)"
+            ));
+        }
+        if let Motion::Straight { velocity_enu_mps } = self.receiver.motion
+            && !velocity_enu_mps.iter().all(|v| v.abs() <= 1e4)
+        {
+            return Some("[receiver] velocity_enu_mps: each must be -10000 to 10000 m/s".into());
+        }
         if let Motion::Circle { radius_m, speed_mps } = self.receiver.motion {
             let acceleration = speed_mps * speed_mps / radius_m;
             if acceleration > MAX_ACCELERATION {
@@ -247,6 +259,9 @@ impl Scenario {
             self.signal.cn0_by_satellite.iter().find(|(_, c)| !(0.0..=90.0).contains(*c))
         {
             return Some(format!("[signal] cn0_by_satellite: {sv} = {cn0} must be 0 to 90 dB-Hz"));
+        }
+        if !self.signal.fading.iter().flatten().all(|v| v.is_finite()) {
+            return Some("[signal] fading: times and levels must be finite".into());
         }
         if !self.signal.fading.is_sorted_by(|a, b| a[0] < b[0]) {
             return Some("[signal] fading: the points' times must increase".into());

@@ -76,7 +76,7 @@ pub enum ScenarioError {
         /// Elevation mask, degrees.
         mask_deg: f64,
     },
-    /// A satellite with no GPS almanac page, or twice.
+    /// A satellite listed twice.
     #[error("satellites: {sv} is listed twice")]
     Duplicate {
         /// The satellite.

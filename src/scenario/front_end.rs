@@ -72,6 +72,9 @@ impl FrontEndSettings {
         if carrier.abs() >= rate / 2.0 {
             return Some(format!("if_hz {carrier} lies outside the samples' +-{} Hz", rate / 2.0));
         }
+        if !self.dc_offset.iter().all(|v| v.abs() <= 100.0) {
+            return Some("dc_offset must be two shares of the rms, each -100 to 100".into());
+        }
         let fits = carrier.abs() > bandwidth / 2.0 && carrier.abs() + bandwidth / 2.0 < rate / 2.0;
         (self.real && !fits).then(|| {
             format!(
@@ -205,5 +208,62 @@ impl Nco {
         let anchor = Complex64::cis(std::f64::consts::TAU * phase);
         let anchor = Complex32::new(anchor.re as f32, anchor.im as f32);
         samples.iter_mut().zip(&self.turns).for_each(|(x, turn)| *x *= anchor * turn);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(rest: &str) -> FrontEndSettings {
+        toml::from_str(&format!("rate_hz = 1e6\n{rest}")).expect("valid settings")
+    }
+
+    /// Share of a tone of `cycles` per sample in what the front end makes of ones.
+    fn tone(settings: &FrontEndSettings, cycles: f64) -> Complex64 {
+        let mut samples = vec![Complex32::ONE; 4096];
+        StandardFrontEnd::new(settings, 1, 1.0).process(0, &mut samples);
+        let turned = |(k, x): (usize, &Complex32)| {
+            let turn = Complex64::cis(-std::f64::consts::TAU * cycles * k as f64);
+            Complex64::new(x.re.into(), x.im.into()) * turn
+        };
+        samples.iter().enumerate().map(turned).sum::<Complex64>() / 4096.0
+    }
+
+    #[test]
+    fn carrier_image_and_offset_lie_where_the_settings_put_them() {
+        // 1/8 of the rate: whole turns in 4096 samples, so tones are orthogonal.
+        let shifted = settings("if_hz = 1e5\nlo_offset_hz = 2.5e4");
+        assert!((tone(&shifted, 0.125) - 1.0).norm() < 1e-5);
+        assert!(tone(&shifted, -0.125).norm() < 1e-5);
+        let offset = settings("if_hz = 1.25e5\ndc_offset = [0.25, -0.5]");
+        assert!((tone(&offset, 0.0) - Complex64::new(0.25, -0.5)).norm() < 1e-5);
+        // Image of Q' = g (Q cos p + I sin p): |1 - g e^jp| / 2, the carrier |1 + g e^-jp| / 2.
+        let skewed = settings("if_hz = 1.25e5\niq_gain_db = 1.0\niq_phase_deg = 3.0");
+        let g = Complex64::from_polar(10f64.powf(0.05), 3f64.to_radians());
+        assert!((tone(&skewed, -0.125).norm() - (1.0 - g).norm() / 2.0).abs() < 1e-5);
+        assert!((tone(&skewed, 0.125).norm() - (1.0 + g).norm() / 2.0).abs() < 1e-5);
+        // Real samples: the power is kept, half of it at minus the IF.
+        let real = settings("if_hz = 1.25e5\nbandwidth_hz = 2e5\nreal = true");
+        assert_eq!(real.conflict(), None);
+        let (plus, minus) = (tone(&real, 0.125).norm_sqr(), tone(&real, -0.125).norm_sqr());
+        // The filter's past is zero: the first 64 of 4096 samples rise from it.
+        assert!((plus - 0.5).abs() < 0.02 && (minus - 0.5).abs() < 0.02, "{plus} {minus}");
+    }
+
+    #[test]
+    fn the_agc_brings_a_level_that_jumps_back_to_the_quantisers_best() {
+        let settings = settings("agc_time_constant_s = 1e-3\nbits = 8\nrms_steps = 20.0");
+        let mut front_end = StandardFrontEnd::new(&settings, 1, 1.0);
+        let mut rms = |level: f32, len: usize| {
+            let mut samples = vec![Complex32::new(level, -level); len];
+            front_end.process(0, &mut samples);
+            samples.last().map(|x| (x.norm_sqr() / 2.0).sqrt())
+        };
+        let unit = std::f32::consts::FRAC_1_SQRT_2;
+        assert_eq!(rms(unit, 256), Some(20.0));
+        // Ten times the level clips at once (less than a time constant), and is settled after ten.
+        assert!(rms(10.0 * unit, 256) > Some(25.0));
+        assert_eq!(rms(10.0 * unit, 10_240), Some(20.0));
     }
 }

@@ -1,6 +1,7 @@
 //! Samples as plain bytes, for pipes and for receivers that know no metadata.
 
 use crate::capture::Block;
+use multiversion::multiversion;
 use std::io::{self, Write};
 
 /// A raw sample type, channels interleaved by sample, I before Q, little-endian.
@@ -33,50 +34,37 @@ impl RawFormat {
 pub struct RawWriter<W> {
     output: W,
     format: RawFormat,
+    rails: Vec<f32>,
     bytes: Vec<u8>,
-    bits: u8,
-    pending: u32,
 }
 
 impl<W: Write> RawWriter<W> {
-    /// A writer to `output`, which should be buffered or take large pieces.
+    /// A writer to `output`, which should take large pieces.
     pub fn new(output: W, format: RawFormat) -> Self {
-        Self { output, format, bytes: Vec::new(), bits: 0, pending: 0 }
+        Self { output, format, rails: Vec::new(), bytes: Vec::new() }
     }
 
-    /// Appends a block; integers are rounded and clipped.
+    /// Appends a block; integers are rounded and clipped. One-bit samples that do not fill a byte wait for
+    /// the next.
     ///
     /// # Errors
     /// Those of the output.
     pub fn write(&mut self, block: &Block) -> io::Result<()> {
+        if block.channels() == 1 {
+            self.rails.extend_from_slice(bytemuck::cast_slice(block.channel(0)));
+        } else {
+            let channels: Vec<_> = (0..block.channels()).map(|c| block.channel(c)).collect();
+            let samples = (0..block.len()).flat_map(|k| channels.iter().map(move |c| c[k]));
+            self.rails.extend(samples.flat_map(|x| [x.re, x.im]));
+        }
         self.bytes.clear();
-        let channels: Vec<_> = (0..block.channels()).map(|c| block.channel(c)).collect();
-        for k in 0..block.len() {
-            for sample in channels.iter().map(|c| c[k]) {
-                self.push(sample.re);
-                self.push(sample.im);
-            }
-        }
+        let whole = match self.format {
+            RawFormat::B1 => self.rails.len() / 8 * 8,
+            _ => self.rails.len(),
+        };
+        encode(self.format, &self.rails[..whole], &mut self.bytes);
+        self.rails.drain(..whole);
         self.output.write_all(&self.bytes)
-    }
-
-    fn push(&mut self, x: f32) {
-        match self.format {
-            RawFormat::Cs8 => self.bytes.push((x + 0.5).floor().clamp(-127.0, 127.0) as i8 as u8),
-            RawFormat::Cs16 => {
-                let level = (x + 0.5).floor().clamp(-32767.0, 32767.0) as i16;
-                self.bytes.extend(level.to_le_bytes());
-            }
-            RawFormat::Cf32 => self.bytes.extend(x.to_le_bytes()),
-            RawFormat::B1 => {
-                self.bits = self.bits << 1 | u8::from(x < 0.0);
-                self.pending += 1;
-                if self.pending == 8 {
-                    self.bytes.push(self.bits);
-                    self.pending = 0;
-                }
-            }
-        }
     }
 
     /// Ends the stream (an unfinished byte of one-bit samples is filled with zeros) and gives back
@@ -85,10 +73,27 @@ impl<W: Write> RawWriter<W> {
     /// # Errors
     /// Those of the output.
     pub fn finish(mut self) -> io::Result<W> {
-        if self.pending > 0 {
-            self.output.write_all(&[self.bits << (8 - self.pending)])?;
-        }
+        self.bytes.clear();
+        encode(self.format, &self.rails, &mut self.bytes);
+        self.output.write_all(&self.bytes)?;
         self.output.flush()?;
         Ok(self.output)
+    }
+}
+
+#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
+fn encode(format: RawFormat, rails: &[f32], bytes: &mut Vec<u8>) {
+    let level = |x: f32, limit: f32| (x + 0.5).floor().max(-limit).min(limit);
+    match format {
+        RawFormat::Cs8 => bytes.extend(rails.iter().map(|&x| level(x, 127.0) as i8 as u8)),
+        RawFormat::Cs16 => {
+            bytes.extend(rails.iter().flat_map(|&x| (level(x, 32_767.0) as i16).to_le_bytes()));
+        }
+        RawFormat::Cf32 => bytes.extend(rails.iter().flat_map(|x| x.to_le_bytes())),
+        RawFormat::B1 => {
+            let sign = |&x: &f32| u8::from(x < 0.0);
+            let byte = |c: &[f32]| (0..8).fold(0, |b, k| b << 1 | c.get(k).map_or(0, sign));
+            bytes.extend(rails.chunks(8).map(byte));
+        }
     }
 }

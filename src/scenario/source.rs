@@ -125,6 +125,15 @@ impl ScenarioSource {
         self.emitters.iter().map(|e| e.sv)
     }
 
+    /// The words of the subframe that a satellite starts to send `index` x 6 s after the GPS epoch, if it is
+    /// simulated.
+    ///
+    /// # Errors
+    /// When a value of its ephemeris does not fit.
+    pub fn subframe(&self, sv: Sv, index: i64) -> Option<Result<[u32; 10], LnavError>> {
+        self.emitters.iter().find(|e| e.sv == sv).map(|e| e.message.subframe(index))
+    }
+
     pub(super) fn emitters(&self) -> &[Emitter] {
         &self.emitters
     }
