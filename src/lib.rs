@@ -9,6 +9,7 @@ pub mod gnss;
 pub mod navigation;
 pub mod observables;
 pub mod positioning;
+pub mod receiver;
 pub mod report;
 pub mod scenario;
 pub mod tracking;

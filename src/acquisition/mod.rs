@@ -5,11 +5,13 @@
 //! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
 
 pub mod carrier;
+mod consistency;
 mod cross_correlation;
 mod refine;
 mod search;
 pub mod statistics;
 
+pub use consistency::{Slip, find_slip, is_mirrored};
 pub use cross_correlation::remove_shadows;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};

@@ -158,6 +158,11 @@ impl SearchPlan {
         (low / step).floor() as i64..=(high / step).ceil() as i64
     }
 
+    /// Coherent windows that a search of `samples` samples sums.
+    pub fn windows(&self, samples: usize) -> usize {
+        (samples / self.window_len()).min(self.options.max_windows)
+    }
+
     /// Doppler bin spacing, Hz.
     pub fn doppler_step(&self) -> f64 {
         500.0 / self.options.coherent_ms as f64
@@ -177,7 +182,7 @@ impl SearchPlan {
     /// whose statistic passes the threshold, strongest first.
     pub fn search(&self, samples: &[Complex32]) -> Result<Vec<Acquisition>, AcquisitionError> {
         let need = self.window_len();
-        let windows = (samples.len() / need).min(self.options.max_windows);
+        let windows = self.windows(samples.len());
         if windows == 0 {
             return Err(AcquisitionError::TooShort {
                 have: samples.len(),

@@ -1,5 +1,11 @@
 //! What the receiver measured of each satellite at one instant.
 
+mod snapshot;
+mod track_log;
+
+pub use snapshot::snapshot_epoch;
+pub use track_log::{TrackLog, observation_epochs};
+
 use crate::gnss::{GpsTime, Sv};
 
 /// A measured code range.
