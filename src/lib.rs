@@ -2,6 +2,7 @@
 //! everything a person needs to trust it comes out at the bottom.
 
 pub mod acquisition;
+pub mod advice;
 pub mod capture;
 pub mod correlator;
 pub mod front_end;

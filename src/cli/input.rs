@@ -81,7 +81,13 @@ impl Input {
         Ok(capture::open(&self.captures, &self.options())?)
     }
 
-    fn options(&self) -> OpenOptions {
+    /// Whether samples come from a pipe, which can be read only once.
+    pub fn is_standard_input(&self) -> bool {
+        self.captures.iter().any(|p| p.as_os_str() == "-")
+    }
+
+    /// The library's options.
+    pub fn options(&self) -> OpenOptions {
         OpenOptions {
             format: self.format.clone(),
             rate_hz: self.rate,

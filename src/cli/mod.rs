@@ -1,7 +1,11 @@
 //! The commands: one file each, and no signal processing.
 
+mod acquire;
 mod info;
 mod input;
+mod output;
+mod process;
+mod receive;
 mod simulate;
 
 use clap::{Parser, Subcommand};
@@ -17,6 +21,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Process(process::Process),
+    Acquire(acquire::Acquire),
     Info(info::Info),
     Simulate(simulate::Simulate),
 }
@@ -24,6 +30,8 @@ enum Command {
 /// Runs the command line and gives the exit code: 0 the asked result, 1 no fix, 2 usage or input.
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
+        Command::Process(args) => process::run(&args),
+        Command::Acquire(args) => acquire::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };

@@ -20,6 +20,8 @@ pub struct Document {
     seed: Option<u64>,
     capture: Capture,
     acquisitions: Vec<AcquisitionRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_fix_s: Option<f64>,
     fixes: Vec<FixRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
@@ -105,6 +107,7 @@ impl Document {
             seed: run.seed,
             capture: Capture::new(run.capture, run.stream),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
+            first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(FixRecord::new).collect(),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),

@@ -53,6 +53,8 @@ pub struct Run<'a> {
     pub warnings: &'a [String],
     /// Why there is no fix, if there is none.
     pub reason: Option<&'a str>,
+    /// Signal from the first sample on that the first fix needed, s, where there is one.
+    pub first_fix_s: Option<f64>,
     /// Seed of random draws, if any were made.
     pub seed: Option<u64>,
     /// The options of the run, as they are to be echoed.

@@ -67,6 +67,7 @@ impl Scene {
             navigation: &self.navigation,
             warnings: &self.warnings,
             reason: None,
+            first_fix_s: None,
             seed: Some(7),
             options: serde_json::json!({ "troposphere": "none" }),
         }

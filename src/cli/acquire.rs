@@ -1,0 +1,41 @@
+//! `sdr-rx acquire`: which satellites are there.
+
+use super::output::{self, Printed};
+use super::receive::Receive;
+use sdr_rx::receiver;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Which satellites are there: Doppler, code phase and C/N0 of each
+///
+/// Example: sdr-rx acquire capture.cs8 --rate 4M --prn G01-G32,J193-J199
+#[derive(clap::Args)]
+pub struct Acquire {
+    #[command(flatten)]
+    receive: Receive,
+    /// Seconds of signal that the measurements use
+    #[arg(long, value_name = "S", default_value_t = 1.0, help_heading = "Search")]
+    seconds: f64,
+    /// Write the result as one JSON object to a file, or - for standard output
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    json: Option<PathBuf>,
+}
+
+/// Searches and prints. Exit code 1 when nothing is found.
+pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
+    args.receive.start_threads()?;
+    let mut source = args.receive.input.open()?;
+    let info = source.info().clone();
+    let options = args.receive.options(&info);
+    anyhow::ensure!(args.seconds > 0.0, "--seconds must be above 0");
+    let mut outcome = receiver::acquire(source.as_mut(), &options, args.seconds)?;
+    output::advise(&args.receive, &options, &mut outcome);
+    Printed {
+        receive: &args.receive,
+        info: &info,
+        decimation: options.decimation,
+        outcome: &outcome,
+    }
+    .print(args.json.as_deref(), false)?;
+    Ok(if outcome.acquisitions.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}

@@ -1,0 +1,179 @@
+//! The options that `process` and `acquire` share, and how they become the receiver's.
+
+use super::input::{Input, si_number};
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use sdr_rx::acquisition::SearchOptions;
+use sdr_rx::capture::StreamInfo;
+use sdr_rx::gnss::atmosphere::Troposphere;
+use sdr_rx::gnss::satellite::parse_sv_list;
+use sdr_rx::gnss::{NavigationData, Sv, rinex_nav};
+use sdr_rx::positioning::{PositioningOptions, SnapshotOptions};
+use sdr_rx::receiver::ReceiverOptions;
+use sdr_rx::tracking::TrackingOptions;
+use std::path::PathBuf;
+
+/// Where the receiver searches and how.
+#[derive(Args, Clone, Debug)]
+pub struct Receive {
+    /// The capture.
+    #[command(flatten)]
+    pub input: Input,
+    /// Satellites to search, such as G01-G32,J193-J199
+    #[arg(long, value_name = "LIST", default_value = "G01-G32", value_parser = satellites, help_heading = "Search")]
+    pub prn: Satellites,
+    /// Greatest Doppler, Hz, either way: satellites make 5k, the oscillator's error adds to it
+    #[arg(long, value_name = "HZ", default_value = "5k", value_parser = si_number, help_heading = "Search")]
+    pub doppler_max: f64,
+    /// Coherent integration of the search, ms, 1 to 20
+    #[arg(long, value_name = "MS", default_value_t = 10, help_heading = "Search")]
+    pub search_ms: usize,
+    /// Windows of that length that the search sums; 16 follow where fewer than 6 satellites are found
+    #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Search")]
+    pub search_windows: usize,
+    /// Probability of a false alarm in the whole search
+    #[arg(long, value_name = "P", default_value_t = 1e-3, help_heading = "Search")]
+    pub pfa: f64,
+    /// Lower the sampling rate by this factor first [default: 1, or what leaves at least 4 MHz]
+    #[arg(long, value_name = "N", help_heading = "Search")]
+    pub decimate: Option<usize>,
+    /// Threads; the result is the same for any number [default: all processors]
+    #[arg(short = 'j', long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+/// How positions are solved.
+#[derive(Args, Clone, Debug)]
+pub struct Solve {
+    /// RINEX navigation files, in addition to what the signals carry
+    #[arg(long, value_name = "FILE", help_heading = "Position")]
+    pub nav: Vec<PathBuf>,
+    /// How far --time may be off for a snapshot, s
+    #[arg(long, value_name = "S", default_value_t = 60.0, help_heading = "Position")]
+    pub time_uncertainty: f64,
+    /// Troposphere model
+    #[arg(long, value_name = "MODEL", default_value = "saastamoinen", help_heading = "Position")]
+    pub troposphere: TroposphereArg,
+    /// Satellites below this elevation are not used, deg
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 5.0,
+        allow_negative_numbers = true,
+        help_heading = "Position"
+    )]
+    pub mask: f64,
+    /// Time between fixes, s
+    #[arg(long, value_name = "S", default_value_t = 1.0, help_heading = "Position")]
+    pub interval: f64,
+    /// Coherent integration of the tracking loops, ms: 1, 2, 4, 5, 10 or 20
+    #[arg(long, value_name = "MS", default_value_t = 10, help_heading = "Tracking")]
+    pub coherent_ms: usize,
+    /// Bandwidth of the phase-locked loop, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 15.0, help_heading = "Tracking")]
+    pub pll_bw: f64,
+    /// Bandwidth of the delay-locked loop, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 0.5, help_heading = "Tracking")]
+    pub dll_bw: f64,
+}
+
+/// A list of satellites.
+#[derive(Clone, Debug)]
+pub struct Satellites(pub Vec<Sv>);
+
+fn satellites(text: &str) -> Result<Satellites, String> {
+    parse_sv_list(text).map(Satellites).map_err(|e| e.to_string())
+}
+
+/// `--troposphere`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum TroposphereArg {
+    /// No delay, as in most simulators.
+    None,
+    /// Saastamoinen in the standard atmosphere.
+    Saastamoinen,
+}
+
+/// Rate that automatic decimation keeps at least, Hz.
+const ENOUGH_RATE_HZ: f64 = 4e6;
+
+impl Receive {
+    /// Sets the number of threads.
+    pub fn start_threads(&self) -> anyhow::Result<()> {
+        let threads = self.threads.unwrap_or(0);
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .context("starting threads")
+    }
+
+    /// The receiver's options for a stream.
+    pub fn options(&self, info: &StreamInfo) -> ReceiverOptions {
+        let automatic = ((info.rate_hz / ENOUGH_RATE_HZ) as usize).max(1);
+        ReceiverOptions {
+            search: SearchOptions {
+                satellites: self.prn.0.clone(),
+                doppler_hz: (-self.doppler_max.abs(), self.doppler_max.abs()),
+                coherent_ms: self.search_ms,
+                max_windows: self.search_windows,
+                false_alarm: self.pfa,
+            },
+            tracking: TrackingOptions::default(),
+            positioning: SnapshotOptions::default(),
+            navigation: NavigationData::default(),
+            time: info.start_time,
+            interval_s: 1.0,
+            decimation: self.decimate.unwrap_or(automatic),
+        }
+    }
+}
+
+impl Solve {
+    /// Checks the options and adds them to the receiver's.
+    pub fn apply(&self, options: &mut ReceiverOptions) -> anyhow::Result<()> {
+        let check = |ok: bool, what: &str| if ok { Ok(()) } else { Err(anyhow::anyhow!("{what}")) };
+        check(
+            [1, 2, 4, 5, 10, 20].contains(&self.coherent_ms),
+            "--coherent-ms must divide a data bit: 1, 2, 4, 5, 10 or 20",
+        )?;
+        check(
+            self.pll_bw > 0.0 && self.pll_bw <= 100.0,
+            "--pll-bw must be above 0 and at most 100 Hz",
+        )?;
+        check(
+            self.dll_bw > 0.0 && self.dll_bw <= 20.0,
+            "--dll-bw must be above 0 and at most 20 Hz",
+        )?;
+        check(
+            self.interval >= 0.01 && self.interval.is_finite(),
+            "--interval must be 0.01 s or more",
+        )?;
+        check(
+            (-90.0..90.0).contains(&self.mask),
+            "--mask must be an elevation between -90 and 90 deg",
+        )?;
+        check(
+            self.time_uncertainty > 0.0 && self.time_uncertainty <= 3600.0,
+            "--time-uncertainty must be above 0 and at most 3600 s",
+        )?;
+        for path in &self.nav {
+            options.navigation.merge(rinex_nav::read(path)?);
+        }
+        options.interval_s = self.interval;
+        options.tracking.coherent_ms = self.coherent_ms;
+        options.tracking.pll_hz = self.pll_bw;
+        options.tracking.dll_hz = self.dll_bw;
+        options.positioning = SnapshotOptions {
+            positioning: PositioningOptions {
+                troposphere: match self.troposphere {
+                    TroposphereArg::None => Troposphere::None,
+                    TroposphereArg::Saastamoinen => Troposphere::Saastamoinen,
+                },
+                elevation_mask: self.mask.to_radians(),
+            },
+            time_uncertainty_s: self.time_uncertainty,
+            ..SnapshotOptions::default()
+        };
+        Ok(())
+    }
+}
