@@ -109,11 +109,11 @@ fn raw_captures(data: &Path) -> Result<(), Failed> {
                 ..options.clone()
             };
             let whole = OpenOptions { start_s: 0.0, duration_s: None, ..options.clone() };
-            let info = open(&[path.clone()], whole).info().clone();
+            let info = open(std::slice::from_ref(&path), whole).info().clone();
             assert_eq!((info.samples, info.rate_hz, info.channels), (Some(samples), rate_hz, 1));
             let expected_if = if info.real && conjugate { -if_hz } else { if_hz };
             assert_eq!((info.if_hz, info.real), (expected_if, format == "s8"));
-            let got = read_all(open(&[path.clone()], options).as_mut(), &[4096]);
+            let got = read_all(open(std::slice::from_ref(&path), options).as_mut(), &[4096]);
             let bytes = std::fs::read(&path)?;
             let length = (bytes.len() as f64 * 0.1 * rate_hz / samples as f64).ceil() as usize;
             let middle = &bytes[bytes.len() / 2..];
@@ -184,7 +184,7 @@ fn ifen(data: &Path) -> Result<(), Failed> {
 fn four_channels(data: &Path) -> Result<(), Failed> {
     let path = data.join("captures/sim_array4_2MHz_0.5s_cs8.bin");
     let options = OpenOptions { channels: Some(4), ..raw("cs8", 2e6) };
-    let mut source = open(&[path.clone()], options);
+    let mut source = open(std::slice::from_ref(&path), options);
     assert_eq!((source.info().channels, source.info().samples), (4, Some(1_000_000)));
     let got = read_all(source.as_mut(), &[10_007]);
     let twin = cs8(&std::fs::read(&path)?);
@@ -310,7 +310,7 @@ fn wav_round_trip() {
             }
             writer.finalize().unwrap();
             let options = OpenOptions { if_hz: Some(1e5), ..OpenOptions::default() };
-            let mut source = open(&[path.clone()], options);
+            let mut source = open(std::slice::from_ref(&path), options);
             let info = source.info().clone();
             let channels = usize::from(columns.div_ceil(2));
             assert_eq!((info.rate_hz, info.channels, info.real), (2.6e6, channels, columns == 1));
@@ -348,8 +348,8 @@ fn block_size() {
             bit_order: lsb.then_some(BitOrder::LeastFirst),
             ..raw(format, 1e3)
         };
-        let whole = read_all(open(&[path.clone()], options.clone()).as_mut(), &[100_000]);
-        let source = &mut open(&[path.clone()], options.clone());
+        let whole = read_all(open(std::slice::from_ref(&path), options.clone()).as_mut(), &[100_000]);
+        let source = &mut open(std::slice::from_ref(&path), options.clone());
         prop_assert_eq!(source.info().samples, Some(whole[0].len() as u64));
         prop_assert_eq!(&read_all(source.as_mut(), &sizes), &whole);
         let later = OpenOptions { start_s: skip as f64 * 1e-3, ..options };

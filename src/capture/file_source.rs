@@ -171,11 +171,16 @@ impl SampleSource for FileSource {
                 all.push(trailing_note(lane.path(), trailing, lane.format(), channels));
             }
         }
-        if self.ended && self.position == 0 {
-            all.push(
+        match self.info.samples {
+            _ if self.ended && self.position == 0 => all.push(
                 "the input ended before the first sample: it is empty or shorter than --start"
                     .to_owned(),
-            );
+            ),
+            Some(samples) if self.ended && self.position < samples => all.push(format!(
+                "the input ended after {} of {samples} samples: it was cut off",
+                self.position
+            )),
+            _ => {}
         }
         all
     }

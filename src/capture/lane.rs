@@ -109,7 +109,7 @@ impl Lane {
             bytes: vec![0; CHUNK_BYTES.next_multiple_of(word)],
             start: 0,
             end: 0,
-            consumed: data.offset + skip_bytes,
+            consumed: data.offset.saturating_add(skip_bytes),
             carry: Vec::new(),
             interleaved: Vec::new(),
             not_finite: 0,

@@ -77,21 +77,14 @@ fn merge(described: Vec<Description>) -> Result<Description, CaptureError> {
     let mut all = described.into_iter();
     let mut merged = all.next().ok_or(CaptureError::NoInput)?;
     for other in all {
+        let (a, b) = (&merged, &other);
         let name = |d: &Description| d.format.as_ref().map(|f| f.name().to_owned());
         let compared = [
-            ("sample type", format!("{:?}", name(&merged)), format!("{:?}", name(&other))),
-            ("sample rate", format!("{:?}", merged.rate_hz), format!("{:?}", other.rate_hz)),
-            ("intermediate frequency", format!("{:?}", merged.if_hz), format!("{:?}", other.if_hz)),
-            (
-                "number of channels",
-                format!("{:?}", merged.channels_per_file),
-                format!("{:?}", other.channels_per_file),
-            ),
-            (
-                "time of the first sample",
-                format!("{:?}", merged.start_time),
-                format!("{:?}", other.start_time),
-            ),
+            ("sample type", shown(name(a)), shown(name(b))),
+            ("sample rate", shown(a.rate_hz), shown(b.rate_hz)),
+            ("intermediate frequency", shown(a.if_hz), shown(b.if_hz)),
+            ("number of channels", shown(a.channels_per_file), shown(b.channels_per_file)),
+            ("time of the first sample", shown(a.start_time), shown(b.start_time)),
         ];
         for (what, first_value, second_value) in compared {
             if first_value != second_value {
@@ -109,6 +102,10 @@ fn merge(described: Vec<Description>) -> Result<Description, CaptureError> {
         merged.notes.extend(other.notes);
     }
     Ok(merged)
+}
+
+fn shown(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| "unknown".to_owned(), |v| v.to_string())
 }
 
 /// Lower-case suffix of a file name without its dot.

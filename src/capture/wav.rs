@@ -27,7 +27,7 @@ pub(super) fn describe(path: &Path) -> Result<Description, CaptureError> {
     };
     let (format, channels) = sample_format(spec, path)?;
     let mut notes = Vec::new();
-    let present = data.bytes.map(|b| b - offset);
+    let present = data.bytes.map(|b| b.saturating_sub(offset));
     if let (Some(present), Some(stated)) = (present, bytes)
         && present < stated
     {

@@ -250,9 +250,10 @@ mod tests {
             for k in 0..=31 {
                 assert!(gain(f64::from(k) / 100.0).abs() < 0.1, "step {step}, {k}");
             }
+            // Kaiser's formulas for beta and length are good to about 1 dB of the 50 dB designed.
             for k in 69..(50 * step) {
                 assert!(
-                    gain(k as f64 / 100.0) < -50.0,
+                    gain(k as f64 / 100.0) < -49.0,
                     "step {step}, {k}: {}",
                     gain(k as f64 / 100.0)
                 );
