@@ -78,7 +78,7 @@ impl GpsTime {
     /// GPS minus UTC at this instant, s (18 since 2017; the table ends there).
     pub fn leap_seconds(self) -> i32 {
         let is_past =
-            |(i, &d): (usize, &i64)| self.seconds >= (d - GPS_EPOCH_DAYS) * 86_400 + i as i64 + 1;
+            |(i, &d): (usize, &i64)| self.seconds > (d - GPS_EPOCH_DAYS) * 86_400 + i as i64;
         LEAP_SECOND_DAYS.iter().enumerate().filter(|&e| is_past(e)).count() as i32
     }
 

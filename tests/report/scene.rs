@@ -106,7 +106,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         let (azimuth, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
         Some(Residual { sv: o.sv, range_m: 0.5, doppler_hz: 0.1, azimuth, elevation })
     };
-    let side = if epoch.sample as u64 / RATE_HZ as u64 % 2 == 0 { 1.0 } else { -1.0 };
+    let side = if (epoch.sample as u64 / RATE_HZ as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
     let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&PLACE).ecef_to_enu();
     Fix {
         time: epoch.receive_time,
