@@ -33,6 +33,10 @@ const SHORTEST_TRACK_S: f64 = 6.0;
 const ENOUGH_SATELLITES: usize = 6;
 const DEEP_WINDOWS: usize = 16;
 
+/// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
+/// noise that passed the search's threshold falls by the ratio of the two lengths.
+const CONFIRMED_DB: f64 = 6.0;
+
 /// How often lost satellites are searched again, and all that are not tracked, s.
 const RETRY_S: f64 = 1.0;
 const SEARCH_AGAIN_S: f64 = 30.0;
@@ -114,10 +118,11 @@ pub fn acquire(
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
     let mut input = Input::new(source, options.decimation);
-    let head = input.head(seconds)?;
-    let mut outcome = Outcome::default();
-    acquire_head(&head, input.rate_hz(), options, head.samples.len() as u64, &mut outcome)?;
-    outcome.samples = head.samples.len() as u64;
+    let mut head = input.head(seconds)?;
+    let wanted = (seconds * input.rate_hz()).round() as usize;
+    head.samples.truncate(wanted.max(1));
+    let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
+    acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -251,7 +256,10 @@ fn refine_all(
 ) -> Vec<Refined> {
     let refiner = Refiner::new(buffer, rate_hz, start, end);
     let span_hz = 1e3 / coherent_ms as f64;
-    let refine = |a: &Acquisition| refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz);
+    let refine = |a: &Acquisition| {
+        let refined = refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz)?;
+        (refined.acquisition.cn0_dbhz > a.cn0_dbhz - CONFIRMED_DB).then_some(refined)
+    };
     let mut refined: Vec<Refined> = found.par_iter().filter_map(refine).collect();
     refined.sort_by(|a, b| b.acquisition.cn0_dbhz.total_cmp(&a.acquisition.cn0_dbhz));
     refined
