@@ -30,7 +30,7 @@ const CHUNK_S: f64 = 0.1;
 const SHORTEST_TRACK_S: f64 = 6.0;
 
 /// With fewer satellites than this a deeper search follows, of this many windows.
-const ENOUGH_SATELLITES: usize = 6;
+const ENOUGH_SATELLITES: usize = 8;
 const DEEP_WINDOWS: usize = 16;
 
 /// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
@@ -157,13 +157,12 @@ struct Input<'a> {
     source: &'a mut dyn SampleSource,
     conditioner: Conditioner,
     raw: Block,
-    block: Block,
 }
 
 impl<'a> Input<'a> {
     fn new(source: &'a mut dyn SampleSource, decimation: usize) -> Self {
         let conditioner = Conditioner::new(source.info(), decimation);
-        Self { source, conditioner, raw: Block::default(), block: Block::default() }
+        Self { source, conditioner, raw: Block::default() }
     }
 
     fn info(&self) -> &StreamInfo {
@@ -174,27 +173,30 @@ impl<'a> Input<'a> {
         self.info().rate_hz
     }
 
-    /// The next chunk of the first channel; empty at the end.
-    fn chunk(&mut self) -> Result<&[Complex32], SourceError> {
+    /// Puts the next chunk into `block`; one without samples at the end.
+    fn read(&mut self, block: &mut Block) -> Result<(), SourceError> {
         let want = (CHUNK_S * self.source.info().rate_hz).ceil() as usize;
-        if self.source.read(&mut self.raw, want)? == 0 {
-            return Ok(&[]);
+        if self.conditioner.is_identity() {
+            self.source.read(block, want)?;
+        } else {
+            self.source.read(&mut self.raw, want)?;
+            self.conditioner.process(&self.raw, block);
         }
-        self.conditioner.process(&self.raw, &mut self.block);
-        Ok(self.block.channel(0))
+        Ok(())
     }
 
     fn head(&mut self, seconds: f64) -> Result<Head, SourceError> {
         let want = (seconds * self.rate_hz()).min(HEAD_SAMPLES) as usize;
         let mut head = Head { samples: Vec::new(), buffer: SampleBuffer::default(), is_all: false };
+        let mut block = Block::default();
         while head.samples.len() < want {
-            let chunk = self.chunk()?;
-            if chunk.is_empty() {
+            self.read(&mut block)?;
+            if block.is_empty() {
                 head.is_all = true;
                 break;
             }
-            head.samples.extend_from_slice(chunk);
-            head.buffer.push(chunk);
+            head.samples.extend_from_slice(block.channel(0));
+            head.buffer.push(block.channel(0));
         }
         head.is_all |= self.info().samples == Some(head.samples.len() as u64);
         Ok(head)
@@ -257,7 +259,8 @@ fn refine_all(
     let refiner = Refiner::new(buffer, rate_hz, start, end);
     let span_hz = 1e3 / coherent_ms as f64;
     let refine = |a: &Acquisition| {
-        let refined = refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz)?;
+        let refined = refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz);
+        let refined = refined.unwrap_or_else(|| Refined::unrefined(a, rate_hz, coherent_ms));
         (refined.acquisition.cn0_dbhz > a.cn0_dbhz - CONFIRMED_DB).then_some(refined)
     };
     let mut refined: Vec<Refined> = found.par_iter().filter_map(refine).collect();
@@ -398,12 +401,12 @@ fn track_all(
         ready: BTreeMap::new(),
         jumps: Vec::new(),
     };
-    let Head { samples: mut chunk, mut buffer, .. } = head;
+    let Head { mut buffer, .. } = head;
+    let (mut chunk, mut next) = (Block::default(), Block::default());
     let (mut next_retry, mut next_search) = (RETRY_S, SEARCH_AGAIN_S);
     loop {
         // While the channels follow what is there, the next chunk is read.
-        let (next, ()) =
-            rayon::join(|| input.chunk().map(<[_]>::to_vec), || tracker.advance(&buffer));
+        let (read, ()) = rayon::join(|| input.read(&mut next), || tracker.advance(&buffer));
         let done_s = buffer.end() as f64 / rate_hz;
         tracker.decode(done_s);
         tracker.drop_lost();
@@ -413,15 +416,18 @@ fn track_all(
             if all {
                 next_search = done_s + SEARCH_AGAIN_S;
             }
-            tracker.search_again(&buffer, &chunk, all)?;
+            if !chunk.is_empty() {
+                tracker.search_again(&buffer, chunk.channel(0), all)?;
+            }
         }
         progress(buffer.end());
-        chunk = next?;
-        if chunk.is_empty() {
+        read?;
+        if next.is_empty() {
             break;
         }
+        std::mem::swap(&mut chunk, &mut next);
         buffer.discard_before(buffer.end().saturating_sub((CHUNK_S * rate_hz) as u64));
-        buffer.push(&chunk);
+        buffer.push(chunk.channel(0));
     }
     outcome.samples = buffer.end();
     tracker.finish(outcome);

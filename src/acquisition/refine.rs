@@ -37,6 +37,22 @@ pub struct Refined {
     pub bit_edge: Option<usize>,
 }
 
+impl Refined {
+    /// What a search of `coherent_ms` knows by itself, where the signal is too short to refine: uniform
+    /// errors over half a bin of Doppler and of code.
+    pub fn unrefined(found: &Acquisition, rate_hz: f64, coherent_ms: usize) -> Self {
+        Self {
+            acquisition: *found,
+            doppler_sigma_hz: 500.0 / coherent_ms as f64 / 12f64.sqrt(),
+            code_sigma_chips: CA_CHIP_RATE / rate_hz / 12f64.sqrt(),
+            code_rate_excess: 0.0,
+            code_rate_sigma: f64::INFINITY,
+            carrier_phase: 0.0,
+            bit_edge: None,
+        }
+    }
+}
+
 /// Measures acquired satellites on the samples of one buffer.
 pub struct Refiner<'a> {
     samples: &'a SampleBuffer,
@@ -115,12 +131,11 @@ impl<'a> Refiner<'a> {
             range.map(|k| sums[k][tap] * carrier.wipe_off[k]).sum()
         };
         let amplitude = wiped(1, 0..prompts.len()) / count;
-        let noise: f64 = prompts
-            .iter()
-            .zip(&carrier.wipe_off)
-            .map(|(p, w)| (p * w - amplitude).norm_sqr())
-            .sum::<f64>()
-            / (count - 1.0);
+        // Half the power of the difference of neighbours: slow phase errors do not count as noise.
+        let still: Vec<Complex64> =
+            prompts.iter().zip(&carrier.wipe_off).map(|(p, w)| p * w).collect();
+        let differences: f64 = still.windows(2).map(|w| (w[1] - w[0]).norm_sqr()).sum();
+        let noise = 0.5 * differences / (count - 1.0);
         let snr = ((amplitude.norm_sqr() - noise / count) / noise.max(f64::MIN_POSITIVE)).max(1e-6);
         let cn0 = snr / CA_CODE_PERIOD;
 

@@ -16,8 +16,9 @@ use rustfft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Bins per code period where the samples of one period are no good FFT length: four per chip.
-const BINS: usize = 4096;
+/// Bins per code period: two per chip at least, five at most.
+const LEAST_BINS: usize = 2048;
+const MOST_BINS: usize = 5120;
 
 /// What to search.
 #[derive(Clone, Debug)]
@@ -308,23 +309,20 @@ impl SearchPlan {
     }
 }
 
-/// Bins per code period: the samples themselves where that is a whole number with small prime factors
-/// and no more than needed, else [`BINS`].
+/// Bins per code period: as many as samples or slightly fewer, two to five per chip, with prime factors
+/// 2, 3 and 5 only. (FFT lengths with larger ones cost up to four times as much.)
 fn bins_per_period(rate_hz: f64) -> usize {
-    let samples = rate_hz * CA_CODE_PERIOD;
-    let whole = samples.round();
-    let mut rest = whole as usize;
-    for prime in [2, 3, 5, 7, 11, 13] {
-        while rest > 1 && rest % prime == 0 {
-            rest /= prime;
-        }
-    }
-    let is_whole = (samples - whole).abs() < 1e-9 * samples;
-    if is_whole && rest == 1 && (2 * CA_CODE_LENGTH..=BINS + BINS / 4).contains(&(whole as usize)) {
-        whole as usize
-    } else {
-        BINS
-    }
+    let is_smooth = |n: &usize| {
+        let rest = [2, 3, 5].into_iter().fold(*n, |mut rest, prime| {
+            while rest % prime == 0 {
+                rest /= prime;
+            }
+            rest
+        });
+        rest == 1
+    };
+    let samples = (rate_hz * CA_CODE_PERIOD + 1e-6) as usize;
+    (2 * CA_CODE_LENGTH..=samples.min(MOST_BINS)).rev().find(is_smooth).unwrap_or(LEAST_BINS)
 }
 
 /// One period of a code at the middle of each of `bins` bins.

@@ -28,7 +28,7 @@ pub struct Receive {
     /// Coherent integration of the search, ms, 1 to 20
     #[arg(long, value_name = "MS", default_value_t = 10, help_heading = "Search")]
     pub search_ms: usize,
-    /// Windows of that length that the search sums; 16 follow where fewer than 6 satellites are found
+    /// Windows of that length that the search sums; 16 follow where fewer than 8 satellites are found
     #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Search")]
     pub search_windows: usize,
     /// Probability of a false alarm in the whole search

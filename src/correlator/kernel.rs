@@ -75,9 +75,13 @@ mod avx2 {
         phase: f64,
         step: f64,
     ) -> [Complex32; 3] {
-        let lane_phase = |lane: usize| TAU * (phase + step * (2.0 * lane as f64 + 0.5)).fract();
-        let cosines: [f32; 8] = std::array::from_fn(|lane| lane_phase(lane).cos() as f32);
-        let sines: [f32; 8] = std::array::from_fn(|lane| lane_phase(lane).sin() as f32);
+        let pair = Complex64::cis(TAU * (2.0 * step).fract());
+        let mut lane = Complex64::cis(TAU * (phase + 0.5 * step).fract());
+        let (mut cosines, mut sines) = ([0f32; 8], [0f32; 8]);
+        for (cosine, sine) in cosines.iter_mut().zip(&mut sines) {
+            (*cosine, *sine) = (lane.re as f32, lane.im as f32);
+            lane *= pair;
+        }
         let (turn_sin, turn_cos) = (TAU * (step * LANES as f64).fract()).sin_cos();
         // SAFETY: each array holds eight f32, the 32 bytes that are read.
         let (mut cos, mut sin) =

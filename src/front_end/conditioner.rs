@@ -69,6 +69,11 @@ impl Conditioner {
         &self.info
     }
 
+    /// Whether the output is the input: no intermediate frequency, no decimation.
+    pub fn is_identity(&self) -> bool {
+        self.oscillator.is_none() && self.decimation == 1
+    }
+
     /// Conditions the next block of the input; `output` is resized to what comes of it.
     pub fn process(&mut self, input: &Block, output: &mut Block) {
         if self.decimation == 1 {

@@ -46,7 +46,8 @@ pub fn fix_table(run: &Run) -> String {
         let _ = writeln!(text, "  {name:<11} {value}");
     };
     line("fixes", format!("{} by {}, {} satellites", s.fixes, last.solver, last.residuals.len()));
-    line("first fix", format!("{:.1} s after the first sample", s.first_fix_s));
+    let needed = run.first_fix_s.unwrap_or(s.first_fix_s);
+    line("first fix", format!("from the first {needed:.2} s of signal"));
     line("last fix", last.time.utc_iso());
     line(
         "position",
