@@ -315,7 +315,7 @@ fn bins_per_period(rate_hz: f64) -> usize {
     let whole = samples.round();
     let mut rest = whole as usize;
     for prime in [2, 3, 5, 7, 11, 13] {
-        while rest > 1 && rest % prime == 0 {
+        while rest > 1 && rest.is_multiple_of(prime) {
             rest /= prime;
         }
     }
