@@ -314,7 +314,7 @@ impl SearchPlan {
 fn bins_per_period(rate_hz: f64) -> usize {
     let is_smooth = |n: &usize| {
         let rest = [2, 3, 5].into_iter().fold(*n, |mut rest, prime| {
-            while rest % prime == 0 {
+            while rest.is_multiple_of(prime) {
                 rest /= prime;
             }
             rest

@@ -69,9 +69,9 @@ impl Conditioner {
         &self.info
     }
 
-    /// Whether the output is the input: no intermediate frequency, no decimation.
+    /// Whether the output is the input unchanged, so that the stage can be left out.
     pub fn is_identity(&self) -> bool {
-        self.oscillator.is_none() && self.decimation == 1
+        self.decimation == 1 && self.oscillator.is_none()
     }
 
     /// Conditions the next block of the input; `output` is resized to what comes of it.
@@ -219,6 +219,13 @@ mod tests {
                 prop_assert!((direct - y).norm() <= bound);
             }
         }
+    }
+
+    #[test]
+    fn only_a_stream_at_zero_and_at_its_rate_is_left_as_it_is() {
+        assert!(Conditioner::new(&info(4e6, 0.0), 1).is_identity());
+        assert!(!Conditioner::new(&info(4e6, 0.0), 2).is_identity());
+        assert!(!Conditioner::new(&info(4e6, 1e6), 1).is_identity());
     }
 
     #[test]

@@ -27,6 +27,10 @@ pub mod constants {
     /// WGS 84 rotation rate of the Earth, rad/s (IS-GPS-200N table 20-IV).
     pub const OMEGA_EARTH: f64 = 7.292_115_146_7e-5;
     /// Ratio used by the GPS control segment for pi (IS-GPS-200N 20.3.3.4.3): semicircle in rad.
+    #[expect(
+        clippy::approx_constant,
+        reason = "the control segment rounds pi to 13 decimals, and so must users"
+    )]
     pub const GPS_PI: f64 = 3.141_592_653_589_8;
     /// Relativistic clock constant F = -2 sqrt(mu)/c^2, s/sqrt(m) (IS-GPS-200N 20.3.3.3.3.1).
     pub const RELATIVISTIC_F: f64 = -4.442_807_633e-10;

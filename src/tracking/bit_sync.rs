@@ -64,7 +64,7 @@ impl BitSynchroniser {
         }
         self.history.push(prompt);
         let count = self.history.len();
-        if count >= 400 && count % 100 == 0 {
+        if count >= 400 && count.is_multiple_of(100) {
             if let Some(edge) = self.decide() {
                 self.edge = Some(edge);
                 let (history, first) = (std::mem::take(&mut self.history), self.first);
@@ -79,12 +79,13 @@ impl BitSynchroniser {
 
     fn sum_bit(&mut self, period: u64, prompt: Complex64, bits: &mut Vec<Bit>) {
         let edge = self.edge.unwrap_or(0);
-        if (period + PERIODS_PER_BIT as u64 - edge) % PERIODS_PER_BIT as u64 == 0 {
+        if (period + PERIODS_PER_BIT as u64 - edge).is_multiple_of(PERIODS_PER_BIT as u64) {
             (self.sum, self.count) = (Complex64::ZERO, 0);
         }
         self.sum += prompt;
         self.count += 1;
-        let last = (period + 1 + PERIODS_PER_BIT as u64 - edge) % PERIODS_PER_BIT as u64 == 0;
+        let last =
+            (period + 1 + PERIODS_PER_BIT as u64 - edge).is_multiple_of(PERIODS_PER_BIT as u64);
         if last && self.count == PERIODS_PER_BIT {
             bits.push(Bit {
                 value: self.sum.re as f32,
