@@ -1,7 +1,7 @@
 //! `sdr-rx acquire`: which satellites are there.
 
 use super::output::{self, Printed};
-use super::receive::Receive;
+use super::receive::{self, Receive};
 use sdr_rx::receiver;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -35,6 +35,7 @@ pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
         info: &info,
         decimation: options.decimation,
         outcome: &outcome,
+        options: receive::echo(&options),
     }
     .print(args.json.as_deref(), false)?;
     Ok(if outcome.acquisitions.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })

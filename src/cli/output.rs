@@ -15,6 +15,8 @@ pub struct Printed<'a> {
     pub info: &'a StreamInfo,
     pub decimation: usize,
     pub outcome: &'a Outcome,
+    /// Options as they are echoed.
+    pub options: serde_json::Value,
 }
 
 impl Printed<'_> {
@@ -71,7 +73,7 @@ impl Printed<'_> {
             reason: self.outcome.reason.as_deref(),
             first_fix_s: self.outcome.first_fix_s,
             seed: None,
-            options: serde_json::Value::Null,
+            options: self.options.clone(),
         })
     }
 }

@@ -1,7 +1,7 @@
 //! `sdr-rx process`: from a capture to a position.
 
 use super::output::{self, Printed};
-use super::receive::{Receive, Solve};
+use super::receive::{self, Receive, Solve};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdr_rx::receiver;
 use std::path::PathBuf;
@@ -46,6 +46,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
         info: &info,
         decimation: options.decimation,
         outcome: &outcome,
+        options: receive::echo(&options),
     };
     if let Some(folder) = &args.out {
         printed.write_files(folder, args.report)?;

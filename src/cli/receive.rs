@@ -128,6 +128,25 @@ impl Receive {
     }
 }
 
+/// The options that decide the result, as they are echoed in it.
+pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
+    serde_json::json!({
+        "satellites": options.search.satellites,
+        "doppler_hz": options.search.doppler_hz,
+        "search_ms": options.search.coherent_ms,
+        "search_windows": options.search.max_windows,
+        "pfa": options.search.false_alarm,
+        "decimation": options.decimation,
+        "coherent_ms": options.tracking.coherent_ms,
+        "pll_hz": options.tracking.pll_hz,
+        "dll_hz": options.tracking.dll_hz,
+        "interval_s": options.interval_s,
+        "troposphere": options.positioning.positioning.troposphere,
+        "elevation_mask_deg": options.positioning.positioning.elevation_mask.to_degrees(),
+        "time_uncertainty_s": options.positioning.time_uncertainty_s,
+    })
+}
+
 impl Solve {
     /// Checks the options and adds them to the receiver's.
     pub fn apply(&self, options: &mut ReceiverOptions) -> anyhow::Result<()> {

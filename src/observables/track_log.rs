@@ -4,7 +4,7 @@
 use super::{CodeRange, Observation, ObservationEpoch};
 use crate::gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
 use crate::gnss::{GpsTime, Sv};
-use crate::tracking::{Channel, Epoch};
+use crate::tracking::{Epoch, Quality};
 
 /// What one track measured at the receive instants that it saw, a few numbers each: its memory grows
 /// with the number of instants, not of samples.
@@ -28,9 +28,7 @@ struct Measurement {
     fraction: f64,
     carrier_cycles: f64,
     doppler_hz: f64,
-    cn0_dbhz: f64,
-    range_sigma_m: f64,
-    doppler_sigma_hz: f64,
+    quality: Quality,
 }
 
 impl TrackLog {
@@ -39,9 +37,9 @@ impl TrackLog {
         Self { sv, measurements: Vec::new(), anchors: Vec::new(), last: None }
     }
 
-    /// Takes the epochs that `channel` has just given (in order, without gaps) and keeps what it saw at
-    /// the instants, which lie `spacing` samples apart from sample 0 on.
-    pub fn extend(&mut self, channel: &Channel, epochs: &[Epoch], spacing: u64) {
+    /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the instants,
+    /// which lie `spacing` samples apart from sample 0 on.
+    pub fn extend(&mut self, epochs: &[Epoch], quality: &Quality, spacing: u64) {
         for &epoch in epochs {
             if let Some(last) = self.last.replace(epoch) {
                 let first = (last.start_sample / spacing as f64).ceil() as u64;
@@ -59,9 +57,7 @@ impl TrackLog {
                         carrier_cycles: last.carrier_cycles
                             + fraction * (epoch.carrier_cycles - last.carrier_cycles),
                         doppler_hz: last.doppler_hz,
-                        cn0_dbhz: channel.cn0_dbhz().unwrap_or(f64::NAN),
-                        range_sigma_m: channel.code_sigma_m(),
-                        doppler_sigma_hz: channel.doppler_sigma_hz(),
+                        quality: *quality,
                     });
                 }
             }
@@ -94,6 +90,12 @@ impl TrackLog {
         let periods = (expected / CA_CODE_PERIOD).round();
         self.anchor(new.period, tow + periods * CA_CODE_PERIOD);
         Some(expected - periods * CA_CODE_PERIOD)
+    }
+
+    /// The instant and transmit time of week (s) of the earliest dated measurement.
+    pub fn first_dated(&self) -> Option<(u64, f64)> {
+        let m = self.measurements.first()?;
+        Some((m.instant, self.tow_s(m.period, m.fraction)?))
     }
 
     /// Time of week of transmission, s, of a period and a fraction of one: by the latest anchor before it,
@@ -132,12 +134,12 @@ pub fn observation_epochs(
             observations.push(Observation {
                 sv: log.sv,
                 range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
-                range_sigma_m: m.range_sigma_m,
+                range_sigma_m: m.quality.code_sigma_m,
                 doppler_hz: m.doppler_hz,
-                doppler_sigma_hz: m.doppler_sigma_hz,
+                doppler_sigma_hz: m.quality.doppler_sigma_hz,
                 carrier_phase_cycles: Some(-m.carrier_cycles),
                 lost_lock,
-                cn0_dbhz: m.cn0_dbhz,
+                cn0_dbhz: m.quality.cn0_dbhz,
             });
         }
         observations.sort_by_key(|o| o.sv);
@@ -149,10 +151,67 @@ pub fn observation_epochs(
     epochs
 }
 
-impl TrackLog {
-    /// The instant and transmit time of week (s) of the earliest dated measurement.
-    pub fn first_dated(&self) -> Option<(u64, f64)> {
-        let m = self.measurements.first()?;
-        Some((m.instant, self.tow_s(m.period, m.fraction)?))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex64;
+
+    const RATE: f64 = 2.6e6;
+    const QUALITY: Quality = Quality { cn0_dbhz: 45.0, code_sigma_m: 1.0, doppler_sigma_hz: 0.1 };
+
+    /// Epochs of a satellite whose code starts at `start` s and whose range shrinks by `speed` m/s.
+    fn epochs(start: f64, speed: f64, periods: std::ops::Range<u64>) -> Vec<Epoch> {
+        let scale = 1.0 - speed / SPEED_OF_LIGHT;
+        let doppler_hz = speed / crate::gnss::constants::L1_WAVELENGTH;
+        periods
+            .map(|period| {
+                let wait = period as f64 * CA_CODE_PERIOD * scale;
+                let (start_sample, carrier_cycles) = ((start + wait) * RATE, doppler_hz * wait);
+                Epoch { period, start_sample, carrier_cycles, doppler_hz, prompt: Complex64::ONE }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn pseudoranges_are_receive_time_less_transmit_time() {
+        let (start, speed, sent) = (0.4e-3, 600.0, 345_600.0);
+        let all = epochs(start, speed, 0..3000);
+        let mut log = TrackLog::new("G03".parse().unwrap());
+        // In pieces, as they come.
+        log.extend(&all[..777], &QUALITY, 260_000);
+        log.extend(&all[777..], &QUALITY, 260_000);
+        log.anchor(500, sent);
+        log.anchor(1000, sent + 0.5);
+        assert_eq!(log.anchors.len(), 1, "the second follows from the first");
+        let received = GpsTime::from_week_tow(2190, sent - 0.5 + 0.07 - start);
+        let epochs = observation_epochs(&[log], received, 260_000, RATE);
+        assert_eq!(epochs.len(), 29, "instants 1 to 29, the code starts after instant 0");
+        for epoch in &epochs {
+            let t = epoch.sample / RATE;
+            let o = &epoch.observations[0];
+            // Sent at sent - 0.5 s + (t - start) / scale.
+            let expected = (0.07
+                - (t - start) * speed / SPEED_OF_LIGHT / (1.0 - speed / SPEED_OF_LIGHT))
+                * SPEED_OF_LIGHT;
+            let CodeRange::Pseudorange(range) = o.range else { panic!("a full pseudorange") };
+            // A time of week in f64 has 6e-11 s (17 mm).
+            assert!((range - expected).abs() < 0.04, "{range} {expected}");
+            let cycles = speed / crate::gnss::constants::L1_WAVELENGTH * (t - start);
+            assert!((o.carrier_phase_cycles.unwrap() + cycles).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_track_taken_up_again_is_dated_by_the_one_before_and_shows_missing_samples() {
+        let mut before = TrackLog::new("G03".parse().unwrap());
+        before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, 260_000);
+        before.anchor(0, 1000.0);
+        // Eight seconds later, with 100 us of samples missing: everything comes earlier by that.
+        let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
+        let mut after = TrackLog::new(before.sv);
+        after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, 260_000);
+        let jump = after.continue_from(&before, RATE).unwrap();
+        assert!((jump + 100e-6).abs() < 1e-9, "{jump}");
+        assert!((after.tow_s(0, 0.0).unwrap() - 1009.0).abs() < 1e-9);
     }
 }

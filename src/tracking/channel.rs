@@ -78,6 +78,17 @@ pub struct Epoch {
     pub prompt: Complex64,
 }
 
+/// How good a channel's measurements are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// C/N0 over the last second, dB-Hz; NaN in the first 0.2 s.
+    pub cn0_dbhz: f64,
+    /// Standard deviation of the code phase, m.
+    pub code_sigma_m: f64,
+    /// Standard deviation of the Doppler, Hz.
+    pub doppler_sigma_hz: f64,
+}
+
 /// The loops of one satellite.
 pub struct Channel {
     sv: Sv,
@@ -150,9 +161,13 @@ impl Channel {
         self.filter.doppler_hz()
     }
 
-    /// Stream index (fractional) of the sample at which the next code period starts.
-    pub fn next_sample(&self) -> f64 {
-        self.code_start
+    /// How good the measurements are now.
+    pub fn quality(&self) -> Quality {
+        Quality {
+            cn0_dbhz: self.cn0_dbhz().unwrap_or(f64::NAN),
+            code_sigma_m: self.code_sigma_m(),
+            doppler_sigma_hz: self.doppler_sigma_hz(),
+        }
     }
 
     /// Standard deviation of the code phase, m: thermal noise through the delay-locked loop at the

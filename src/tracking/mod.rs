@@ -12,5 +12,5 @@ mod lock;
 mod loop_filter;
 
 pub use bit_sync::Bit;
-pub use channel::{Channel, Epoch, TrackStart, TrackingOptions};
+pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};
 pub use lock::LockState;

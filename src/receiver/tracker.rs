@@ -1,41 +1,18 @@
-//! The pipeline: the stages of the house in their order, from a source of samples to positions.
+//! All satellites followed from the first sample to the last, and what comes of it.
 
-use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, Slip, find_slip,
-    is_mirrored, remove_shadows,
-};
-use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
-use crate::correlator::{CodeTable, SampleBuffer};
-use crate::front_end::Conditioner;
+use super::head::{CHUNK_S, DEEP_WINDOWS, Head, Input, refine_all, search_head};
+use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
+use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
+use crate::capture::Block;
+use crate::correlator::SampleBuffer;
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::navigation::{FrameDecoder, NavigationCollector, Update};
-use crate::observables::{ObservationEpoch, TrackLog, observation_epochs, snapshot_epoch};
-use crate::positioning::{Fix, SnapshotOptions, solve_epoch, solve_snapshot};
+use crate::observables::{ObservationEpoch, TrackLog, observation_epochs};
+use crate::positioning::solve_epoch;
 use crate::tracking::{Bit, Channel, Epoch, LockState, TrackStart, TrackingOptions};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// Signal that the first search and its refinement see, s, and at most so many samples.
-const HEAD_S: f64 = 1.0;
-const HEAD_SAMPLES: f64 = 8e6;
-
-/// Signal that a refinement uses where tracking follows, s.
-const REFINE_S: f64 = 0.5;
-
-/// Samples processed at a time, s.
-const CHUNK_S: f64 = 0.1;
-
-/// Recordings shorter than this are snapshots: they hold no subframe.
-const SHORTEST_TRACK_S: f64 = 6.0;
-
-/// With fewer satellites than this a deeper search follows, of this many windows.
-const ENOUGH_SATELLITES: usize = 8;
-const DEEP_WINDOWS: usize = 16;
-
-/// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
-/// noise that passed the search's threshold falls by the ratio of the two lengths.
-const CONFIRMED_DB: f64 = 6.0;
 
 /// How often lost satellites are searched again, and all that are not tracked, s.
 const RETRY_S: f64 = 1.0;
@@ -49,266 +26,6 @@ const FLIGHT_S: f64 = 0.068;
 
 /// Instants of a second at which a jump of all code phases counts as one slip of the samples.
 const SLIP_AGREEMENT_S: f64 = 1.5e-6;
-
-/// What a run is to do.
-#[derive(Clone, Debug)]
-pub struct ReceiverOptions {
-    /// The first search.
-    pub search: SearchOptions,
-    /// The loops.
-    pub tracking: TrackingOptions,
-    /// The position solutions.
-    pub positioning: SnapshotOptions,
-    /// Navigation data known beforehand.
-    pub navigation: NavigationData,
-    /// GPS time of the first sample, as well as it is known.
-    pub time: Option<GpsTime>,
-    /// Time between fixes, s.
-    pub interval_s: f64,
-    /// Integer factor by which the rate is lowered before anything else.
-    pub decimation: usize,
-}
-
-/// Why a run ended early.
-#[derive(Debug, thiserror::Error)]
-pub enum ReceiverError {
-    /// The source failed.
-    #[error(transparent)]
-    Source(#[from] SourceError),
-    /// The search is impossible.
-    #[error(transparent)]
-    Acquisition(#[from] AcquisitionError),
-}
-
-/// What a run found.
-#[derive(Clone, Debug, Default)]
-pub struct Outcome {
-    /// Satellites found at the start, refined over it, strongest first.
-    pub acquisitions: Vec<Refined>,
-    /// Measurements at the common instants, in order of time.
-    pub epochs: Vec<ObservationEpoch>,
-    /// Positions, in order of time.
-    pub fixes: Vec<Fix>,
-    /// Navigation data, known and decoded.
-    pub navigation: NavigationData,
-    /// Navigation data that came from the signals alone.
-    pub decoded: NavigationData,
-    /// Signal from the first sample on that the first fix needed, s.
-    pub first_fix_s: Option<f64>,
-    /// Samples read of each channel.
-    pub samples: u64,
-    /// What a person should know.
-    pub warnings: Vec<String>,
-    /// Why there is no fix, where there is none.
-    pub reason: Option<String>,
-}
-
-/// The start of a stream: what acquisition sees.
-struct Head {
-    samples: Vec<Complex32>,
-    buffer: SampleBuffer,
-    /// Whether the stream ends with it.
-    is_all: bool,
-}
-
-/// Acquisition alone: the satellites in the first `seconds` of a source, refined over all of them.
-pub fn acquire(
-    source: &mut dyn SampleSource,
-    options: &ReceiverOptions,
-    seconds: f64,
-) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
-    let mut head = input.head(seconds)?;
-    let wanted = (seconds * input.rate_hz()).round() as usize;
-    head.samples.truncate(wanted.max(1));
-    let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
-    acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
-    outcome.warnings.splice(0..0, input.source.warnings());
-    Ok(outcome)
-}
-
-/// The whole receiver. `progress` is told the samples done after each chunk.
-pub fn process(
-    source: &mut dyn SampleSource,
-    options: &ReceiverOptions,
-    progress: &mut (dyn FnMut(u64) + Send),
-) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
-    let rate_hz = input.rate_hz();
-    let head = input.head(HEAD_S)?;
-    let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
-    let length = head.samples.len() as u64;
-    let refine = if head.is_all { length } else { length.min((REFINE_S * rate_hz) as u64) };
-    acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
-    let is_snapshot = head.is_all
-        || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
-    if is_snapshot {
-        outcome.samples = length;
-        solve_head(refine, rate_hz, options, &mut outcome);
-    } else {
-        track_all(&mut input, head, options, &mut outcome, progress)?;
-    }
-    outcome.warnings.splice(0..0, input.source.warnings());
-    Ok(outcome)
-}
-
-/// The source behind its conditioning.
-struct Input<'a> {
-    source: &'a mut dyn SampleSource,
-    conditioner: Conditioner,
-    raw: Block,
-}
-
-impl<'a> Input<'a> {
-    fn new(source: &'a mut dyn SampleSource, decimation: usize) -> Self {
-        let conditioner = Conditioner::new(source.info(), decimation);
-        Self { source, conditioner, raw: Block::default() }
-    }
-
-    fn info(&self) -> &StreamInfo {
-        self.conditioner.info()
-    }
-
-    fn rate_hz(&self) -> f64 {
-        self.info().rate_hz
-    }
-
-    /// Puts the next chunk into `block`; one without samples at the end.
-    fn read(&mut self, block: &mut Block) -> Result<(), SourceError> {
-        let want = (CHUNK_S * self.source.info().rate_hz).ceil() as usize;
-        if self.conditioner.is_identity() {
-            self.source.read(block, want)?;
-        } else {
-            self.source.read(&mut self.raw, want)?;
-            self.conditioner.process(&self.raw, block);
-        }
-        Ok(())
-    }
-
-    fn head(&mut self, seconds: f64) -> Result<Head, SourceError> {
-        let want = (seconds * self.rate_hz()).min(HEAD_SAMPLES) as usize;
-        let mut head = Head { samples: Vec::new(), buffer: SampleBuffer::default(), is_all: false };
-        let mut block = Block::default();
-        while head.samples.len() < want {
-            self.read(&mut block)?;
-            if block.is_empty() {
-                head.is_all = true;
-                break;
-            }
-            head.samples.extend_from_slice(block.channel(0));
-            head.buffer.push(block.channel(0));
-        }
-        head.is_all |= self.info().samples == Some(head.samples.len() as u64);
-        Ok(head)
-    }
-}
-
-/// Searches the head, deeper where little is found, and refines over its first `refine` samples.
-fn acquire_head(
-    head: &Head,
-    rate_hz: f64,
-    options: &ReceiverOptions,
-    refine: u64,
-    outcome: &mut Outcome,
-) -> Result<(), ReceiverError> {
-    let whole_ms = (head.samples.len() as f64 / rate_hz * 1e3 + 1e-6).floor() as usize;
-    let mut search = options.search.clone();
-    search.coherent_ms = search.coherent_ms.min(whole_ms).max(1);
-    let mut found = search_head(&head.samples, rate_hz, &search)?;
-    let deep = search.max_windows.max(DEEP_WINDOWS);
-    let deeper = deep > search.max_windows && whole_ms > search.coherent_ms * search.max_windows;
-    if found.len() < ENOUGH_SATELLITES && deeper {
-        search.max_windows = deep;
-        found = search_head(&head.samples, rate_hz, &search)?;
-    }
-    let mut end = refine;
-    if let Some(slip) = find_slip(&head.samples[..refine as usize], rate_hz, &found) {
-        outcome.warnings.push(slip_warning(&slip, rate_hz));
-        end = slip.after;
-    }
-    outcome.acquisitions = refine_all(&head.buffer, rate_hz, 0, end, &found, search.coherent_ms);
-    if is_mirrored(&outcome.acquisitions) {
-        outcome.warnings.push(
-            "the spectrum is mirrored: code drifts and Dopplers disagree in sign; read it with --conjugate \
-             (or without, if it was given)"
-                .to_owned(),
-        );
-    }
-    Ok(())
-}
-
-fn search_head(
-    samples: &[Complex32],
-    rate_hz: f64,
-    options: &SearchOptions,
-) -> Result<Vec<Acquisition>, AcquisitionError> {
-    let plan = SearchPlan::new(rate_hz, options.clone())?;
-    let mut found = plan.search(samples)?;
-    remove_shadows(&mut found, options.coherent_ms, plan.windows(samples.len()));
-    Ok(found)
-}
-
-fn refine_all(
-    buffer: &SampleBuffer,
-    rate_hz: f64,
-    start: u64,
-    end: u64,
-    found: &[Acquisition],
-    coherent_ms: usize,
-) -> Vec<Refined> {
-    let refiner = Refiner::new(buffer, rate_hz, start, end);
-    let span_hz = 1e3 / coherent_ms as f64;
-    let refine = |a: &Acquisition| {
-        let refined = refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz);
-        let refined = refined.unwrap_or_else(|| Refined::unrefined(a, rate_hz, coherent_ms));
-        (refined.acquisition.cn0_dbhz > a.cn0_dbhz - CONFIRMED_DB).then_some(refined)
-    };
-    let mut refined: Vec<Refined> = found.par_iter().filter_map(refine).collect();
-    refined.sort_by(|a, b| b.acquisition.cn0_dbhz.total_cmp(&a.acquisition.cn0_dbhz));
-    refined
-}
-
-fn slip_warning(slip: &Slip, rate_hz: f64) -> String {
-    format!(
-        "samples are missing or double: between {:.1} and {:.1} ms the code phases of all satellites jump by {:+.1} us ({:+.0} samples)",
-        slip.after as f64 / rate_hz * 1e3,
-        slip.before as f64 / rate_hz * 1e3,
-        slip.jump_s * 1e6,
-        slip.jump_s * rate_hz
-    )
-}
-
-/// The fix of a snapshot.
-fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &mut Outcome) {
-    let found = outcome.acquisitions.len();
-    let reason = match options.time {
-        _ if found == 0 => nothing_found(),
-        _ if options.navigation.is_empty() => Some(format!(
-            "{found} satellites, but the recording is too short for their navigation message: give --nav FILE and --time T (good to a minute) for a snapshot fix"
-        )),
-        None => Some(format!(
-            "{found} satellites, but when was it? give --time T (good to a minute) for a snapshot fix"
-        )),
-        Some(time) => {
-            let epoch = snapshot_epoch(&outcome.acquisitions, time, samples, rate_hz);
-            let solved = solve_snapshot(&epoch, &options.navigation, &options.positioning);
-            outcome.epochs.push(epoch);
-            match solved {
-                Ok(fix) => {
-                    outcome.first_fix_s = Some(samples as f64 / rate_hz);
-                    outcome.fixes.push(fix);
-                    None
-                }
-                Err(error) => Some(error.to_string()),
-            }
-        }
-    };
-    outcome.reason = reason;
-}
-
-fn nothing_found() -> Option<String> {
-    Some("no satellite was found".to_owned())
-}
 
 /// One satellite being followed.
 struct Track {
@@ -334,7 +51,7 @@ impl Track {
     fn advance(&mut self, buffer: &SampleBuffer, spacing: u64) {
         self.epochs.clear();
         self.channel.process(buffer, &mut self.epochs, &mut self.bits);
-        self.log.extend(&self.channel, &self.epochs, spacing);
+        self.log.extend(&self.epochs, &self.channel.quality(), spacing);
     }
 
     /// Hands the new bits to the decoder, and what it gives to the collector. Says whether an ephemeris
@@ -376,7 +93,7 @@ struct Tracker<'a> {
     jumps: Vec<(u64, f64)>,
 }
 
-fn track_all(
+pub(super) fn track_all(
     input: &mut Input,
     head: Head,
     options: &ReceiverOptions,
@@ -536,7 +253,7 @@ impl Tracker<'_> {
             self.rate_hz,
         ) else {
             outcome.reason = match outcome.acquisitions.len() {
-                0 => nothing_found(),
+                0 => Some(NOTHING_FOUND.to_owned()),
                 found => Some(format!(
                     "{found} satellites were tracked, {dated} gave a readable subframe: a fix needs 30 s of signal, or --nav FILE with 6 s"
                 )),
@@ -575,7 +292,7 @@ impl Tracker<'_> {
         (agreeing >= 3 && median.abs() > SLIP_AGREEMENT_S).then(|| {
             format!(
                 "samples are missing or double: before {before:.1} s the code phases of {agreeing} satellites jumped by {:+.1} us",
-                -median * 1e6
+                median * 1e6
             )
         })
     }

@@ -1,0 +1,151 @@
+//! The pipeline: the stages of the house in their order, from a source of samples to positions.
+
+mod head;
+mod tracker;
+
+use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+use crate::capture::{SampleSource, SourceError};
+use crate::gnss::{GpsTime, NavigationData};
+use crate::observables::{ObservationEpoch, snapshot_epoch};
+use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
+use crate::tracking::TrackingOptions;
+use head::{Input, acquire_head};
+use tracker::track_all;
+
+/// Signal that the first search and its refinement see, s.
+const HEAD_S: f64 = 1.0;
+
+/// Signal that a refinement uses where tracking follows, s.
+const REFINE_S: f64 = 0.5;
+
+/// Recordings shorter than this are snapshots: they hold no subframe.
+const SHORTEST_TRACK_S: f64 = 6.0;
+
+/// The reason for no fix where the search found nothing.
+const NOTHING_FOUND: &str = "no satellite was found";
+
+/// What a run is to do.
+#[derive(Clone, Debug)]
+pub struct ReceiverOptions {
+    /// The first search.
+    pub search: SearchOptions,
+    /// The loops.
+    pub tracking: TrackingOptions,
+    /// The position solutions.
+    pub positioning: SnapshotOptions,
+    /// Navigation data known beforehand.
+    pub navigation: NavigationData,
+    /// GPS time of the first sample, as well as it is known.
+    pub time: Option<GpsTime>,
+    /// Time between fixes, s.
+    pub interval_s: f64,
+    /// Integer factor by which the rate is lowered before anything else.
+    pub decimation: usize,
+}
+
+/// Why a run ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum ReceiverError {
+    /// The source failed.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The search is impossible.
+    #[error(transparent)]
+    Acquisition(#[from] AcquisitionError),
+}
+
+/// What a run found.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Satellites found at the start, refined over it, strongest first.
+    pub acquisitions: Vec<Refined>,
+    /// Measurements at the common instants, in order of time.
+    pub epochs: Vec<ObservationEpoch>,
+    /// Positions, in order of time.
+    pub fixes: Vec<Fix>,
+    /// Navigation data, known and decoded.
+    pub navigation: NavigationData,
+    /// Navigation data that came from the signals alone.
+    pub decoded: NavigationData,
+    /// Signal from the first sample on that the first fix needed, s.
+    pub first_fix_s: Option<f64>,
+    /// Samples read of each channel.
+    pub samples: u64,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+    /// Why there is no fix, where there is none.
+    pub reason: Option<String>,
+}
+
+/// Acquisition alone: the satellites in the first `seconds` of a source, refined over all of them.
+pub fn acquire(
+    source: &mut dyn SampleSource,
+    options: &ReceiverOptions,
+    seconds: f64,
+) -> Result<Outcome, ReceiverError> {
+    let mut input = Input::new(source, options.decimation);
+    let mut head = input.head(seconds)?;
+    let wanted = (seconds * input.rate_hz()).round() as usize;
+    head.samples.truncate(wanted.max(1));
+    let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
+    acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
+    outcome.warnings.splice(0..0, input.source.warnings());
+    Ok(outcome)
+}
+
+/// The whole receiver. `progress` is told the samples done after each chunk.
+pub fn process(
+    source: &mut dyn SampleSource,
+    options: &ReceiverOptions,
+    progress: &mut (dyn FnMut(u64) + Send),
+) -> Result<Outcome, ReceiverError> {
+    let mut input = Input::new(source, options.decimation);
+    let rate_hz = input.rate_hz();
+    let head = input.head(HEAD_S)?;
+    let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
+    let length = head.samples.len() as u64;
+    let refine = if head.is_all { length } else { length.min((REFINE_S * rate_hz) as u64) };
+    acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
+    let is_snapshot = head.is_all
+        || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
+    if is_snapshot {
+        outcome.samples = length;
+        solve_head(refine, rate_hz, options, &mut outcome);
+    } else {
+        track_all(&mut input, head, options, &mut outcome, progress)?;
+        if outcome.fixes.is_empty() && options.time.is_some() && !options.navigation.is_empty() {
+            // No message could be read, but the start of the recording is a snapshot all the same.
+            solve_head(refine, rate_hz, options, &mut outcome);
+        }
+    }
+    outcome.warnings.splice(0..0, input.source.warnings());
+    Ok(outcome)
+}
+
+/// The fix of a snapshot.
+fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &mut Outcome) {
+    let found = outcome.acquisitions.len();
+    let reason = match options.time {
+        _ if found == 0 => Some(NOTHING_FOUND.to_owned()),
+        _ if options.navigation.is_empty() => Some(format!(
+            "{found} satellites, but the recording is too short for their navigation message: give --nav FILE and --time T (good to a minute) for a snapshot fix"
+        )),
+        None => Some(format!(
+            "{found} satellites, but when was it? give --time T (good to a minute) for a snapshot fix"
+        )),
+        Some(time) => {
+            let epoch = snapshot_epoch(&outcome.acquisitions, time, samples, rate_hz);
+            let solved = solve_snapshot(&epoch, &options.navigation, &options.positioning);
+            outcome.epochs.push(epoch);
+            match solved {
+                Ok(fix) => {
+                    outcome.first_fix_s = Some(samples as f64 / rate_hz);
+                    outcome.fixes.push(fix);
+                    None
+                }
+                Err(error) => Some(error.to_string()),
+            }
+        }
+    };
+    outcome.reason = reason;
+}
