@@ -4,6 +4,7 @@ use super::sigmf::{Capture, Global, Metadata};
 use super::{Block, CaptureError, Datatype, StreamInfo};
 use crate::gnss::GpsTime;
 use crate::gnss::constants::L1_HZ;
+use crate::temporary::temporary_beside;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -43,7 +44,8 @@ impl SigmfWriter {
             return Err(CaptureError::Unwritable { path: meta_path.to_owned(), reason });
         }
         let data_path = meta_path.with_extension("sigmf-data");
-        let data = temporary_beside(&data_path)?;
+        let data = temporary_beside(&data_path)
+            .map_err(|cause| CaptureError::Write { path: data_path.clone(), cause })?;
         let kind = if info.real { 'r' } else { 'c' };
         let number = match datatype {
             Datatype::I8 => "i8",
@@ -120,7 +122,7 @@ impl SigmfWriter {
     pub fn finish(self) -> Result<(), CaptureError> {
         let failed = |path: &Path, cause| CaptureError::Write { path: path.to_owned(), cause };
         let file = self.data.into_inner().map_err(|e| failed(&self.data_path, e.into_error()))?;
-        let mut meta = temporary_beside(&self.meta_path)?;
+        let mut meta = temporary_beside(&self.meta_path).map_err(|e| failed(&self.meta_path, e))?;
         serde_json::to_writer_pretty(&mut meta, &self.metadata)
             .map_err(|e| failed(&self.meta_path, e.into()))?;
         meta.write_all(b"\n").map_err(|e| failed(&self.meta_path, e))?;
@@ -132,18 +134,6 @@ impl SigmfWriter {
     fn failed(&self, cause: std::io::Error) -> CaptureError {
         CaptureError::Write { path: self.data_path.clone(), cause }
     }
-}
-
-/// A temporary file in the folder of `path`, readable by others as a plain new file would be.
-fn temporary_beside(path: &Path) -> Result<NamedTempFile, CaptureError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".sdr-rx-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder
-        .tempfile_in(folder)
-        .map_err(|cause| CaptureError::Write { path: path.to_owned(), cause })
 }
 
 /// UTC in ISO 8601 with nanoseconds.
