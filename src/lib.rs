@@ -13,4 +13,5 @@ pub mod positioning;
 pub mod receiver;
 pub mod report;
 pub mod scenario;
+pub mod temporary;
 pub mod tracking;

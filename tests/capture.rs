@@ -260,7 +260,7 @@ fn sigmf_round_trip() {
         let (a, b) = samples.split_at(cut / channels * channels);
         writer.write(&block_of(a, channels)).unwrap();
         writer.write(&block_of(b, channels)).unwrap();
-        let out_of_range = |v: f32| usize::from(v.round().abs() > limit);
+        let out_of_range = |v: f32| usize::from(v.round_ties_even().abs() > limit);
         let clipped: usize = samples.iter().map(|x| out_of_range(x.re) + out_of_range(x.im)).sum();
         prop_assert_eq!(writer.clipped(), clipped as u64);
         writer.finish().unwrap();

@@ -66,6 +66,24 @@ impl Block {
         &mut self.samples[channel * len..(channel + 1) * len]
     }
 
+    /// Appends the samples as they lie in a file: channels interleaved by sample, I before Q, and of
+    /// `real` samples I alone.
+    pub fn append_numbers(&self, real: bool, numbers: &mut Vec<f32>) {
+        let old = numbers.len();
+        numbers.resize(old + self.samples.len() * if real { 1 } else { 2 }, 0.0);
+        for c in 0..self.channels {
+            let samples = self.channel(c);
+            if real {
+                let out = numbers[old + c.min(self.samples.len())..].iter_mut();
+                out.step_by(self.channels).zip(samples).for_each(|(out, x)| *out = x.re);
+            } else {
+                let out: &mut [Complex32] = bytemuck::cast_slice_mut(&mut numbers[old..]);
+                let out = out[c.min(self.samples.len())..].iter_mut();
+                out.step_by(self.channels).zip(samples).for_each(|(out, x)| *out = *x);
+            }
+        }
+    }
+
     /// The samples of all channels, one slice each.
     pub fn channels_mut(&mut self) -> impl Iterator<Item = &mut [Complex32]> {
         let len = self.len().max(1);

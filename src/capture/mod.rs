@@ -1,6 +1,7 @@
 //! Recordings and live streams as blocks of complex baseband samples.
 
 mod block;
+mod datatype;
 mod error;
 mod file_source;
 pub mod ion;
@@ -17,11 +18,12 @@ mod source;
 mod wav;
 
 pub use block::Block;
+pub use datatype::Datatype;
 pub use error::CaptureError;
 pub use number::Number;
 pub use open::open;
 pub use options::{Layout, OpenOptions};
 pub use packing::{BitOrder, Component, Encoding, Packing};
 pub use sample_format::{FORMAT_NAMES, SampleFormat};
-pub use sigmf_writer::{Datatype, SigmfWriter};
+pub use sigmf_writer::SigmfWriter;
 pub use source::{SampleSource, SourceError, StreamInfo};

@@ -1,24 +1,13 @@
 //! Writes a SigMF recording: data and metadata appear under their names only when complete.
 
 use super::sigmf::{Capture, Global, Metadata};
-use super::{Block, CaptureError, StreamInfo};
+use super::{Block, CaptureError, Datatype, StreamInfo};
 use crate::gnss::GpsTime;
 use crate::gnss::constants::L1_HZ;
-use num_complex::Complex32;
+use crate::temporary::temporary_beside;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
-
-/// Sample type of a recording to be written; real if the stream is real.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Datatype {
-    /// 8-bit integers: values are rounded, and clipped to -127..=127.
-    I8,
-    /// 16-bit integers, little-endian: rounded, and clipped to -32767..=32767.
-    I16,
-    /// IEEE 754 single precision, little-endian, unchanged.
-    F32,
-}
 
 /// A SigMF recording that is being written.
 pub struct SigmfWriter {
@@ -29,6 +18,7 @@ pub struct SigmfWriter {
     datatype: Datatype,
     real: bool,
     channels: usize,
+    numbers: Vec<f32>,
     bytes: Vec<u8>,
     clipped: u64,
     samples: u64,
@@ -54,7 +44,8 @@ impl SigmfWriter {
             return Err(CaptureError::Unwritable { path: meta_path.to_owned(), reason });
         }
         let data_path = meta_path.with_extension("sigmf-data");
-        let data = temporary_beside(&data_path)?;
+        let data = temporary_beside(&data_path)
+            .map_err(|cause| CaptureError::Write { path: data_path.clone(), cause })?;
         let kind = if info.real { 'r' } else { 'c' };
         let number = match datatype {
             Datatype::I8 => "i8",
@@ -84,6 +75,7 @@ impl SigmfWriter {
             datatype,
             real: info.real,
             channels: info.channels,
+            numbers: Vec::new(),
             bytes: Vec::new(),
             clipped: 0,
             samples: 0,
@@ -105,16 +97,10 @@ impl SigmfWriter {
             let reason = format!("a block of {} channels, not {}", block.channels(), self.channels);
             return Err(CaptureError::Unwritable { path: self.data_path.clone(), reason });
         }
+        self.numbers.clear();
         self.bytes.clear();
-        for k in 0..block.len() {
-            for c in 0..self.channels {
-                let Complex32 { re, im } = block.channel(c)[k];
-                self.push(re);
-                if !self.real {
-                    self.push(im);
-                }
-            }
-        }
+        block.append_numbers(self.real, &mut self.numbers);
+        self.clipped += self.datatype.encode(&self.numbers, &mut self.bytes);
         self.samples += block.len() as u64;
         self.data.write_all(&self.bytes).map_err(|e| self.failed(e))
     }
@@ -136,7 +122,7 @@ impl SigmfWriter {
     pub fn finish(self) -> Result<(), CaptureError> {
         let failed = |path: &Path, cause| CaptureError::Write { path: path.to_owned(), cause };
         let file = self.data.into_inner().map_err(|e| failed(&self.data_path, e.into_error()))?;
-        let mut meta = temporary_beside(&self.meta_path)?;
+        let mut meta = temporary_beside(&self.meta_path).map_err(|e| failed(&self.meta_path, e))?;
         serde_json::to_writer_pretty(&mut meta, &self.metadata)
             .map_err(|e| failed(&self.meta_path, e.into()))?;
         meta.write_all(b"\n").map_err(|e| failed(&self.meta_path, e))?;
@@ -145,36 +131,9 @@ impl SigmfWriter {
         Ok(())
     }
 
-    fn push(&mut self, x: f32) {
-        let limit = match self.datatype {
-            Datatype::I8 => 127.0,
-            Datatype::I16 => 32_767.0,
-            Datatype::F32 => return self.bytes.extend(x.to_le_bytes()),
-        };
-        let rounded = x.round();
-        self.clipped += u64::from(rounded.abs() > limit);
-        let level = rounded.clamp(-limit, limit) as i16;
-        match self.datatype {
-            Datatype::I8 => self.bytes.push(level as i8 as u8),
-            _ => self.bytes.extend(level.to_le_bytes()),
-        }
-    }
-
     fn failed(&self, cause: std::io::Error) -> CaptureError {
         CaptureError::Write { path: self.data_path.clone(), cause }
     }
-}
-
-/// A temporary file in the folder of `path`, readable by others as a plain new file would be.
-fn temporary_beside(path: &Path) -> Result<NamedTempFile, CaptureError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".sdr-rx-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder
-        .tempfile_in(folder)
-        .map_err(|cause| CaptureError::Write { path: path.to_owned(), cause })
 }
 
 /// UTC in ISO 8601 with nanoseconds.

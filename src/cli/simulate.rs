@@ -3,11 +3,12 @@
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
+use sdr_rx::report::write_atomically;
 use sdr_rx::scenario::{RawFormat, RawWriter, Scenario, ScenarioSource};
-use std::io::{self, IsTerminal, Write};
+use sdr_rx::temporary::temporary_beside;
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tempfile::NamedTempFile;
 
 /// Samples of each channel that are made at a time.
 const BLOCK: usize = 1 << 18;
@@ -116,25 +117,9 @@ fn copy(
 
 /// Writes the truth as NAME.truth.json beside the capture.
 fn write_truth(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
-    let path = out.with_extension("truth.json");
-    let failed = || format!("writing '{}'", path.display());
-    let mut file = temporary_beside(&path).with_context(failed)?;
-    let mut buffer = io::BufWriter::new(&mut file);
-    serde_json::to_writer_pretty(&mut buffer, &source.truth()).with_context(failed)?;
-    buffer.write_all(b"\n").and_then(|()| buffer.flush()).with_context(failed)?;
-    drop(buffer);
-    file.persist(&path).with_context(failed)?;
-    Ok(())
-}
-
-/// A temporary file in the folder of `path`, readable by others as a plain new file would be.
-fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".sdr-rx-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    let mut text = serde_json::to_vec_pretty(&source.truth())?;
+    text.push(b'\n');
+    Ok(write_atomically(&out.with_extension("truth.json"), &text)?)
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

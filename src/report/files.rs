@@ -4,6 +4,7 @@ use super::{
     Run, geojson, html, json, kml, nmea, observation_file_name, rinex_navigation,
     rinex_observations,
 };
+use crate::temporary::temporary_beside;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -40,11 +41,7 @@ pub enum ReportError {
 /// whole new one, and a run that is killed leaves none half written.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     let write = || -> std::io::Result<()> {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.tempfile_in(folder)?;
+        let mut file = temporary_beside(path)?;
         file.write_all(bytes)?;
         file.persist(path)?;
         Ok(())

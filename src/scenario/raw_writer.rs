@@ -1,6 +1,6 @@
 //! Samples as plain bytes, for pipes and for receivers that know no metadata.
 
-use crate::capture::Block;
+use crate::capture::{Block, Datatype};
 use multiversion::multiversion;
 use std::io::{self, Write};
 
@@ -50,13 +50,7 @@ impl<W: Write> RawWriter<W> {
     /// # Errors
     /// Those of the output.
     pub fn write(&mut self, block: &Block) -> io::Result<()> {
-        if block.channels() == 1 {
-            self.rails.extend_from_slice(bytemuck::cast_slice(block.channel(0)));
-        } else {
-            let channels: Vec<_> = (0..block.channels()).map(|c| block.channel(c)).collect();
-            let samples = (0..block.len()).flat_map(|k| channels.iter().map(move |c| c[k]));
-            self.rails.extend(samples.flat_map(|x| [x.re, x.im]));
-        }
+        block.append_numbers(false, &mut self.rails);
         self.bytes.clear();
         let whole = match self.format {
             RawFormat::B1 => self.rails.len() / 8 * 8,
@@ -81,19 +75,18 @@ impl<W: Write> RawWriter<W> {
     }
 }
 
-#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
 fn encode(format: RawFormat, rails: &[f32], bytes: &mut Vec<u8>) {
-    let level = |x: f32, limit: f32| (x + 0.5).floor().max(-limit).min(limit);
     match format {
-        RawFormat::Cs8 => bytes.extend(rails.iter().map(|&x| level(x, 127.0) as i8 as u8)),
-        RawFormat::Cs16 => {
-            bytes.extend(rails.iter().flat_map(|&x| (level(x, 32_767.0) as i16).to_le_bytes()));
-        }
-        RawFormat::Cf32 => bytes.extend(rails.iter().flat_map(|x| x.to_le_bytes())),
-        RawFormat::B1 => {
-            let sign = |&x: &f32| u8::from(x < 0.0);
-            let byte = |c: &[f32]| (0..8).fold(0, |b, k| b << 1 | c.get(k).map_or(0, sign));
-            bytes.extend(rails.chunks(8).map(byte));
-        }
-    }
+        RawFormat::Cs8 => Datatype::I8.encode(rails, bytes),
+        RawFormat::Cs16 => Datatype::I16.encode(rails, bytes),
+        RawFormat::Cf32 => Datatype::F32.encode(rails, bytes),
+        RawFormat::B1 => return signs(rails, bytes),
+    };
+}
+
+#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
+fn signs(rails: &[f32], bytes: &mut Vec<u8>) {
+    let sign = |&x: &f32| u8::from(x < 0.0);
+    let byte = |c: &[f32]| (0..8).fold(0, |b, k| b << 1 | c.get(k).map_or(0, sign));
+    bytes.extend(rails.chunks(8).map(byte));
 }
