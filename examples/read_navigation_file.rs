@@ -23,7 +23,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let ephemeris = data.iter().next().ok_or("no ephemeris")?;
     let state = ephemeris.state(ephemeris.toe);
     println!("{} at its reference time, {}:", ephemeris.sv, ephemeris.toe.utc_iso());
-    println!("  position {:.1} km, ECEF", state.position_m / 1e3);
+    let [x, y, z]: [f64; 3] = (state.position_m / 1e3).into();
+    println!("  position {x:.1} {y:.1} {z:.1} km, ECEF");
     println!(
         "  velocity {:.3} m/s, clock {:+.3e} s",
         state.velocity_mps.norm(),

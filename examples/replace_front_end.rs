@@ -24,12 +24,17 @@ impl FrontEnd for Comparator {
     }
 }
 
-/// Mean C/N0 of the satellites that a search of 100 ms finds, dB-Hz, and their number.
+/// Mean C/N0 of the scenario's satellites in a search of 40 ms, dB-Hz, and how many it finds.
 fn mean_cn0(mut source: ScenarioSource) -> Result<(f64, usize), Box<dyn Error + Send + Sync>> {
     let rate_hz = source.info().rate_hz;
     let mut block = Block::default();
-    source.read(&mut block, (0.1 * rate_hz) as usize)?;
-    let options = SearchOptions { max_windows: 10, ..SearchOptions::default() };
+    source.read(&mut block, (0.04 * rate_hz) as usize)?;
+    let options = SearchOptions {
+        satellites: source.satellites().collect(),
+        coherent_ms: 5,
+        max_windows: 8,
+        ..SearchOptions::default()
+    };
     let found = SearchPlan::new(rate_hz, options)?.search(block.channel(0))?;
     Ok((found.iter().map(|a| a.cn0_dbhz).sum::<f64>() / found.len() as f64, found.len()))
 }
@@ -38,8 +43,8 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/signals/static_8sv.toml");
     let mut scenario = Scenario::read(path.as_ref())?;
     scenario.front_end.bits = None;
-    let (ideal, _) = mean_cn0(ScenarioSource::new(&scenario)?)?;
-    println!("no quantiser:           {ideal:.2} dB-Hz");
+    let (cn0, found) = mean_cn0(ScenarioSource::new(&scenario)?)?;
+    println!("no quantiser:           {cn0:.2} dB-Hz, {found} satellites");
     for threshold in [0.0, 0.5, 1.0] {
         let comparator = Box::new(Comparator { threshold });
         let (cn0, found) = mean_cn0(ScenarioSource::with_front_end(&scenario, comparator)?)?;
