@@ -1,5 +1,79 @@
 //! **sdr-rx**: samples of an antenna array go in at the top of the house, and a position with
 //! everything a person needs to trust it comes out at the bottom.
+//!
+//! # The tour, in the order of the data path
+//!
+//! Every stage is a function from one plain type to the next.
+//!
+//! **[`scenario`]**: a TOML file becomes a source of samples with known truth: orbits, light time, Earth
+//! rotation, clocks, atmosphere, navigation message, noise, and a front end that can be swapped.
+//!
+//! **[`capture`]**: files and pipes become a [`SampleSource`](capture::SampleSource), which gives a
+//! [`Block`](capture::Block): channels x samples, planar `Complex<f32>`. Raw types, packed bits, SigMF, ION
+//! metadata and WAV are told apart; memory does not grow with the length of a file.
+//!
+//! **[`front_end`]**: the intermediate frequency is removed, the rate lowered, level and spectrum measured.
+//!
+//! **[`acquisition`]**: [`SearchPlan`](acquisition::SearchPlan) looks at every code phase and Doppler with a
+//! chosen false-alarm probability; [`Refiner`](acquisition::Refiner) measures what was found to the
+//! Cramer-Rao bound; the set of satellites tells mirrored spectra and missing samples.
+//!
+//! **[`tracking`]** on **[`correlator`]**: a [`Channel`](tracking::Channel) follows one satellite with phase,
+//! frequency and code loops, one [`Epoch`](tracking::Epoch) per code period, one [`Bit`](tracking::Bit)
+//! per twenty, and says when it has lost it.
+//!
+//! **[`navigation`]**: bits become subframes (parity, polarity, time of week), subframes ephemerides,
+//! ionosphere and UTC, accepted only when their issue numbers agree.
+//!
+//! **[`observables`]**: tracks at one instant, or a snapshot's code phases, become
+//! [`Observation`](observables::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
+//!
+//! **[`positioning`]**: [`aw_dgn_bt`](positioning::aw_dgn_bt) starts at the Earth's centre; then the full
+//! model, a residual test with exclusion, velocity, covariance. It knows of no files and no samples.
+//!
+//! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
+//!
+//! **[`gnss`]** lies beneath all floors: constants, time, coordinates, orbits, codes, navigation files.
+//! **[`receiver`]** wires the stages in this order and holds nothing else; **[`advice`]** names a
+//! newcomer's likely mistake when nothing is found.
+//!
+//! # From a scenario to a position
+//!
+//! A tenth of a second over Munich, the orbits known, the time told wrong by half a minute:
+//!
+//! ```
+//! use sdr_rx::acquisition::{Refiner, SearchOptions, SearchPlan};
+//! use sdr_rx::capture::{Block, SampleSource};
+//! use sdr_rx::correlator::{CodeTable, SampleBuffer};
+//! use sdr_rx::observables::snapshot_epoch;
+//! use sdr_rx::positioning::{SnapshotOptions, solve_snapshot};
+//! use sdr_rx::scenario::{Scenario, ScenarioSource};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+//! let scenario = Scenario::read("signals/static_8sv.toml".as_ref())?;
+//! let mut source = ScenarioSource::new(&scenario)?;
+//! let rate_hz = source.info().rate_hz;
+//! let mut block = Block::default();
+//! let samples = source.read(&mut block, (0.1 * rate_hz) as usize)? as u64;
+//!
+//! let found = SearchPlan::new(rate_hz, SearchOptions::default())?.search(block.channel(0))?;
+//! let mut buffer = SampleBuffer::default();
+//! buffer.push(block.channel(0));
+//! let refiner = Refiner::new(&buffer, rate_hz, 0, samples);
+//! let refined: Vec<_> = found
+//!     .iter()
+//!     .filter_map(|a| refiner.refine(a, &CodeTable::new(a.sv, rate_hz), 100.0))
+//!     .collect();
+//!
+//! let epoch = snapshot_epoch(&refined, scenario.start + 30.0, samples, rate_hz);
+//! let fix = solve_snapshot(&epoch, &scenario.navigation()?, &SnapshotOptions::default())?;
+//!
+//! // Thermal noise of 100 ms at 45 dB-Hz makes some 4 m of range; the dilution of precision is 1.7.
+//! let error_m = (fix.position_m - scenario.receiver.position.ecef()).norm();
+//! assert!(error_m < 50.0 && (fix.time - scenario.start).abs() < 0.2);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod acquisition;
 pub mod advice;

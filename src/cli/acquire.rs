@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 /// Which satellites are there: Doppler, code phase and C/N0 of each
 ///
-/// Example: sdr-rx acquire capture.cs8 --rate 4M --prn G01-G32,J193-J199
+/// Example: sdr-rx acquire signals/static_8sv.toml --prn G01-G32,J193-J199
 #[derive(clap::Args)]
 pub struct Acquire {
     #[command(flatten)]

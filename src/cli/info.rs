@@ -17,7 +17,7 @@ const COLUMNS: usize = 64;
 
 /// What a capture holds: format, rate, length, level and spectrum
 ///
-/// Example: sdr-rx info --format cs8 --rate 4M capture.bin
+/// Example: sdr-rx info signals/circle_8sv.toml
 #[derive(clap::Args)]
 pub struct Info {
     #[command(flatten)]

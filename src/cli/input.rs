@@ -1,15 +1,18 @@
 //! The options that say what a capture is, shared by all commands that read one.
 
+use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::capture::{self, BitOrder, Encoding, Layout, OpenOptions, SampleSource};
 use sdr_rx::gnss::GpsTime;
+use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::PathBuf;
 
 /// The capture and what is to be known of it.
 #[derive(Args, Clone, Debug)]
 pub struct Input {
-    /// Raw file, .sigmf-meta, ION metadata (.sdrx .smfx .xml, then perhaps its data files), .wav, or -
-    /// for standard input; several files are one channel each
+    /// Raw file, .sigmf-meta, ION metadata (.sdrx .smfx .xml, then perhaps its data files), .wav, a
+    /// scenario (.toml, simulated while it is read), or - for standard input; several files are one
+    /// channel each
     #[arg(value_name = "CAPTURE", required = true)]
     pub captures: Vec<PathBuf>,
     /// Sample type: cu8 cs8 cs16 cs32 cf32 cf64, real ru8 rs8 rs16 rs32 rf32 rf64, packed b1 b2 rb2, wav
@@ -76,9 +79,33 @@ pub enum BitOrderArg {
 }
 
 impl Input {
-    /// Opens the capture.
+    /// Opens the capture, or makes it where it is a scenario.
     pub fn open(&self) -> anyhow::Result<Box<dyn SampleSource>> {
-        Ok(capture::open(&self.captures, &self.options())?)
+        Ok(match self.scenario()? {
+            Some(scenario) => Box::new(ScenarioSource::new(&scenario)?),
+            None => capture::open(&self.captures, &self.options())?,
+        })
+    }
+
+    /// The scenario, cut to `--duration`, if the capture is one.
+    pub fn scenario(&self) -> anyhow::Result<Option<Scenario>> {
+        let [path] = &self.captures[..] else { return Ok(None) };
+        if path.extension().is_none_or(|suffix| suffix != "toml") {
+            return Ok(None);
+        }
+        let own = OpenOptions { duration_s: self.duration, ..OpenOptions::default() };
+        ensure!(
+            self.options() == own,
+            "'{}' is a scenario, which itself says what its samples are: of the capture options only \
+             --duration applies",
+            path.display()
+        );
+        let mut scenario = Scenario::read(path)?;
+        if let Some(duration) = self.duration {
+            ensure!(duration > 0.0, "--duration {duration}: seconds to make must be above 0");
+            scenario.duration_s = scenario.duration_s.min(duration);
+        }
+        Ok(Some(scenario))
     }
 
     /// Whether samples come from a pipe, which can be read only once.

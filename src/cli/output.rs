@@ -72,7 +72,7 @@ impl Printed<'_> {
             warnings: &self.outcome.warnings,
             reason: self.outcome.reason.as_deref(),
             first_fix_s: self.outcome.first_fix_s,
-            seed: None,
+            seed: self.receive.input.scenario()?.map(|scenario| scenario.seed),
             options: self.options.clone(),
         })
     }

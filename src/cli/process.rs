@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// From a capture to a position
 ///
-/// Example: sdr-rx process capture.cs8 --rate 4M
+/// Example: sdr-rx process signals/static_8sv.toml --out fix --report
 #[derive(clap::Args)]
 pub struct Process {
     #[command(flatten)]

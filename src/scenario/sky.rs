@@ -29,8 +29,11 @@ pub(super) struct Emitter {
 }
 
 impl Scenario {
-    /// Orbits, ionosphere and UTC parameters of the scenario.
-    fn navigation(&self) -> Result<NavigationData, ScenarioError> {
+    /// Orbits, ionosphere and UTC parameters: what a navigation file of the scenario's sky would say.
+    ///
+    /// # Errors
+    /// When the navigation file cannot be read.
+    pub fn navigation(&self) -> Result<NavigationData, ScenarioError> {
         let mut data = match &self.orbits {
             Orbits::NavigationFile(path) => rinex_nav::read(path)?,
             Orbits::Walker(walker) => {

@@ -1,0 +1,82 @@
+//! Speed of tracking: the correlation kernel against its scalar twin, and a whole channel.
+//!
+//! Elements are samples of one channel: elements per second over 10^6 are channel x Msamples per second
+//! of one core. Counted work of a sample, all three taps: see `sdr_rx::correlator`.
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use sdr_rx::acquisition::Acquisition;
+use sdr_rx::capture::{Block, SampleSource};
+use sdr_rx::correlator::{CodeTable, SampleBuffer, correlate, correlate_scalar};
+use sdr_rx::scenario::{Scenario, ScenarioSource};
+use sdr_rx::tracking::{Channel, LockState, TrackStart, TrackingOptions};
+use std::hint::black_box;
+
+/// One second of the sky over Munich, and where one of its satellites is at the first sample.
+fn one_second(rate_hz: f64) -> (SampleBuffer, Acquisition) {
+    let path = format!("{}/signals/static_8sv.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut scenario = Scenario::read(path.as_ref()).expect("a scenario of the repository");
+    scenario.front_end.rate_hz = rate_hz;
+    let mut source = ScenarioSource::new(&scenario).expect("a scenario of the repository");
+    let mut block = Block::default();
+    source.read(&mut block, rate_hz as usize).expect("a scenario gives its samples");
+    let truth = &source.truth_at(0).satellites[0];
+    let mut buffer = SampleBuffer::default();
+    buffer.push(block.channel(0));
+    let start = Acquisition {
+        sv: truth.sv,
+        doppler_hz: truth.doppler_hz,
+        code_phase_chips: truth.code_phase_chips,
+        cn0_dbhz: truth.cn0_dbhz,
+        statistic: 0.0,
+        false_alarm: 0.0,
+    };
+    (buffer, start)
+}
+
+fn kernel(c: &mut Criterion) {
+    for rate_hz in [2.6e6, 12e6] {
+        let (buffer, start) = one_second(rate_hz);
+        let table = CodeTable::new(start.sv, rate_hz);
+        let taps = table.taps(17.3, 17.3 + rate_hz * 1e-3, 0.25);
+        let window = buffer.window(taps.first_sample, taps.first_sample + taps.len as u64);
+        let (i, q) = window.expect("a millisecond of the second");
+        let step = start.doppler_hz / rate_hz;
+        let mut group = c.benchmark_group(format!("one code period at {} MHz", rate_hz / 1e6));
+        group.throughput(Throughput::Elements(taps.len as u64));
+        group.bench_function("correlate", |b| {
+            b.iter(|| correlate(i, q, taps.codes, black_box(0.3), step));
+        });
+        group.bench_function("correlate_scalar", |b| {
+            b.iter(|| correlate_scalar(i, q, taps.codes, black_box(0.3), step));
+        });
+        group.finish();
+    }
+}
+
+fn channel(c: &mut Criterion) {
+    let mut group = c.benchmark_group("channel, 1 s");
+    group.sample_size(20);
+    for rate_hz in [2.6e6, 12e6] {
+        let (buffer, acquisition) = one_second(rate_hz);
+        let start = TrackStart { sample: 0, acquisition, carrier_phase: 0.0, bit_edge: None };
+        group.throughput(Throughput::Elements(rate_hz as u64));
+        group.bench_function(format!("{} MHz", rate_hz / 1e6), |b| {
+            b.iter_batched(
+                || {
+                    let channel = Channel::new(&start, rate_hz, TrackingOptions::default());
+                    (channel, Vec::with_capacity(1000), Vec::with_capacity(50))
+                },
+                |(mut channel, mut epochs, mut bits)| {
+                    channel.process(&buffer, &mut epochs, &mut bits);
+                    assert!(channel.lock() == LockState::Locked && epochs.len() > 990);
+                    epochs
+                },
+                BatchSize::PerIteration,
+            );
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, kernel, channel);
+criterion_main!(benches);

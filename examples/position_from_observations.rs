@@ -1,0 +1,57 @@
+//! Positioning alone, without a sample: the bare iteration from the Earth's centre, and the receiver's
+//! full model, on pseudoranges and Dopplers of a scenario's sky.
+//!
+//! `cargo run --release --example position_from_observations`
+
+use nalgebra::Vector3;
+use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::positioning::aw_dgn_bt::{Pseudorange, Satellite, aw_dgn_bt};
+use sdr_rx::positioning::{PositioningOptions, solve_epoch};
+use sdr_rx::scenario::{Scenario, ScenarioSource};
+use std::error::Error;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/signals/circle_8sv.toml");
+    let scenario = Scenario::read(path.as_ref())?;
+    let truth = ScenarioSource::new(&scenario)?.truth_at(0);
+    let error_m = |p: &Vector3<f64>| (p - Vector3::from(truth.position_ecef_m)).norm();
+
+    // The bare algorithm: where the satellites were, and how far away.
+    let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = truth
+        .satellites
+        .iter()
+        .map(|s| {
+            let position_m = s.position_ecef_m.into();
+            let range_m = s.range_m + truth.clock_bias_s * SPEED_OF_LIGHT;
+            (Satellite { position_m, velocity_mps: Vector3::zeros() }, range_m)
+        })
+        .unzip();
+    let bare = aw_dgn_bt::<Pseudorange>(&satellites, &ranges)?;
+    println!("bare: {} iterations, off by {:.1e} m", bare.iterations, error_m(&bare.position_m));
+
+    // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
+    let observation = |s: &sdr_rx::scenario::SatelliteTruth| Observation {
+        sv: s.sv,
+        range: CodeRange::Pseudorange(s.pseudorange_m),
+        range_sigma_m: 1.0,
+        doppler_hz: s.doppler_hz,
+        doppler_sigma_hz: 0.1 / L1_WAVELENGTH,
+        carrier_phase_cycles: None,
+        lost_lock: false,
+        cn0_dbhz: s.cn0_dbhz,
+    };
+    let epoch = ObservationEpoch {
+        receive_time: scenario.start,
+        sample: 0.0,
+        observations: truth.satellites.iter().map(observation).collect(),
+    };
+    let fix = solve_epoch(&epoch, &scenario.navigation()?, &PositioningOptions::default())?;
+    let speed = fix.velocity_mps.map_or(f64::NAN, |v| v.norm());
+    println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
+    println!("      {speed:.3} m/s, clock {:+.3} us", fix.clock_bias_s * 1e6);
+    if error_m(&bare.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
+        return Err("noise-free observations must give the place".into());
+    }
+    Ok(())
+}
