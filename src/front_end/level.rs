@@ -137,59 +137,55 @@ impl Level {
     /// What is odd in this level for samples that are mostly thermal noise, as those of a GNSS front
     /// end are, and what may be the cause.
     pub fn doubts(&self) -> Vec<String> {
-        let mut doubts = Vec::new();
-        let mut doubt = |is: bool, text: String| {
-            if is {
-                doubts.push(text);
-            }
-        };
+        let Self { rms, peak, kurtosis, .. } = *self;
+        let varies = rms > 0.0;
         let offset = self.mean_i.hypot(self.mean_q);
-        let is_constant = self.rms == 0.0;
-        doubt(is_constant, "all samples are equal: there is no signal in them".to_owned());
-        doubt(
-            offset > 0.7 * self.rms && !is_constant,
-            format!(
-                "the mean {offset:.3} is large against the rms {:.3}: the sample type may be wrong \
-                 (signed for unsigned, or 8 for 16 bits)",
-                self.rms
-            ),
-        );
         let gain = self.iq_gain_db.unwrap_or(0.0);
-        doubt(
-            gain.abs() > 3.0,
-            format!(
-                "I and Q differ by {gain:.1} dB: the sample type may be wrong (16 bits read as 8, \
-                 real read as complex, or a wrong number of channels)"
-            ),
-        );
         let magnitudes = self.values.iter().flatten().map(|(value, _)| f64::from(value.abs()));
         let least = magnitudes.fold(f64::INFINITY, f64::min);
-        doubt(
-            least > 0.6 * self.peak && least < self.peak,
-            format!(
-                "all numbers lie between {least} and {} in magnitude, none near 0: the sample type may \
-                 be wrong (signed for unsigned)",
-                self.peak
-            ),
-        );
         let many_levels = self.values.as_ref().is_none_or(|v| v.len() > 8);
-        doubt(
-            many_levels && self.kurtosis < 1.7 && !is_constant,
-            format!(
-                "the numbers crowd at their extremes (kurtosis {:.2}, Gaussian noise has 3): the \
-                 sample type may be wrong (signed for unsigned), or the front end is overdriven",
-                self.kurtosis
+        let doubts = [
+            (rms == 0.0, "all samples are equal: there is no signal in them".to_owned()),
+            (
+                varies && offset > 0.7 * rms,
+                format!(
+                    "the mean {offset:.3} is large against the rms {rms:.3}: the sample type may be \
+                     wrong (signed for unsigned, or 8 for 16 bits)"
+                ),
             ),
-        );
-        doubt(
-            self.kurtosis > 1e3 || !self.rms.is_finite() || self.peak > 1e12,
-            format!(
-                "the numbers span an absurd range (peak {:.3e}, rms {:.3e}): integers may have been \
-                 read as floating-point numbers",
-                self.peak, self.rms
+            (
+                gain.abs() > 3.0,
+                format!(
+                    "I and Q differ by {gain:.1} dB: the sample type may be wrong (16 bits read as 8, \
+                     real read as complex, or a wrong number of channels)"
+                ),
             ),
-        );
-        doubts
+            // The levels of a coarse converter, symmetric about 0, have a ratio of 1 to 3 at least.
+            (
+                least > 0.6 * peak && least < peak,
+                format!(
+                    "all numbers lie between {least} and {peak} in magnitude, none near 0: the sample \
+                     type may be wrong (signed for unsigned)"
+                ),
+            ),
+            // Uniformly spread numbers have 1.8.
+            (
+                varies && many_levels && kurtosis < 1.7,
+                format!(
+                    "the numbers crowd at their extremes (kurtosis {kurtosis:.2}, Gaussian noise has \
+                     3): the sample type may be wrong (signed for unsigned), or the front end is \
+                     overdriven"
+                ),
+            ),
+            (
+                kurtosis > 1e3 || !rms.is_finite() || peak > 1e12,
+                format!(
+                    "the numbers span an absurd range (peak {peak:.3e}, rms {rms:.3e}): integers may \
+                     have been read as floating-point numbers"
+                ),
+            ),
+        ];
+        doubts.into_iter().filter_map(|(is, text)| is.then_some(text)).collect()
     }
 }
 

@@ -76,12 +76,13 @@ impl<W: Write> RawWriter<W> {
 }
 
 fn encode(format: RawFormat, rails: &[f32], bytes: &mut Vec<u8>) {
-    match format {
-        RawFormat::Cs8 => Datatype::I8.encode(rails, bytes),
-        RawFormat::Cs16 => Datatype::I16.encode(rails, bytes),
-        RawFormat::Cf32 => Datatype::F32.encode(rails, bytes),
+    let datatype = match format {
+        RawFormat::Cs8 => Datatype::I8,
+        RawFormat::Cs16 => Datatype::I16,
+        RawFormat::Cf32 => Datatype::F32,
         RawFormat::B1 => return signs(rails, bytes),
     };
+    datatype.encode(rails, bytes);
 }
 
 #[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
