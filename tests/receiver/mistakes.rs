@@ -1,0 +1,151 @@
+//! A newcomer's mistakes: each is named with what to try, and none exits with 0.
+
+use crate::common::data_trial;
+use crate::program::{file, run};
+use libtest_mimic::{Failed, Trial};
+use std::path::Path;
+
+pub fn trials() -> Vec<Trial> {
+    vec![
+        data_trial("a_wrong_sample_type_is_named", sample_type),
+        data_trial("a_wrong_rate_is_named", rate),
+        data_trial("a_wrong_intermediate_frequency_is_named", frequency),
+        data_trial("a_wrong_sign_of_the_spectrum_is_named", sign),
+        data_trial("a_wrong_date_or_time_is_named", date),
+        data_trial("what_is_missing_for_a_fix_is_named", missing),
+        Trial::test("files_that_hold_no_samples_are_named", no_samples),
+    ]
+}
+
+/// A capture and how it is rightly read, with some of its satellites: six are enough for advice, and quick.
+const TOKYO: [&str; 2] = ["sim_tokyo_2.6MHz_1s_cs8.bin", "G10,G12,G13,G15,G18,G19"];
+const POCKET_4: [&str; 2] = ["pocketsdr_L1_4MHz_iq_cs8.bin", "G26,G31,G29,G16,J02,J03"];
+const POCKET_12: [&str; 2] = ["pocketsdr_L1_12MHz_real_s8.bin", "G05,G13,G20,G15,G30,J01"];
+
+/// Runs `process` on a mistaken reading. The exit code must be 1 or 2, and what is said name all parts.
+fn named(data: &Path, [name, prn]: [&str; 2], options: &str, parts: &[&str]) -> Option<String> {
+    let capture = file(data, &format!("captures/{name}"));
+    let navigation = file(data, "nav/brdc0010.22n");
+    let options = options.replace("NAV", &navigation);
+    let mut arguments = vec!["process", &capture, "--prn", prn];
+    arguments.extend(options.split_whitespace());
+    complaint(&arguments, parts)
+}
+
+/// What is wrong with the answer, if anything.
+fn complaint(arguments: &[&str], parts: &[&str]) -> Option<String> {
+    let answer = match run(arguments) {
+        Ok(answer) => answer,
+        Err(error) => return Some(format!("{arguments:?}: {error:?}")),
+    };
+    let said = answer.said();
+    let names = parts.iter().all(|part| said.contains(part));
+    let right = names && (answer.code == 1 || answer.code == 2);
+    (!right).then(|| {
+        format!(
+            "{}: exit code {}, wanted {parts:?} in: {said}",
+            arguments[1..].join(" "),
+            answer.code
+        )
+    })
+}
+
+fn all(complaints: impl IntoIterator<Item = Option<String>>) -> Result<(), Failed> {
+    let list: Vec<String> = complaints.into_iter().flatten().collect();
+    if list.is_empty() { Ok(()) } else { Err(list.join("\n").into()) }
+}
+
+fn sample_type(data: &Path) -> Result<(), Failed> {
+    let complex = ["cs16", "cf32", "b1"];
+    let tokyo = complex.map(|f| named(data, TOKYO, &format!("-f {f} -r 2.6M"), &["--format cs8"]));
+    let pocket = named(data, POCKET_4, "-f cs16 -r 4M --conjugate", &["--format cs8"]);
+    let real_for_complex = named(data, TOKYO, "-f rs8 -r 2.6M", &["real samples", "--if"]);
+    let complex_for_real =
+        named(data, POCKET_12, "-f cs8 -r 12M", &["--format rs8", "--if 3000000"]);
+    all(tokyo.into_iter().chain([pocket, real_for_complex, complex_for_real]))
+}
+
+fn rate(data: &Path) -> Result<(), Failed> {
+    all([
+        named(data, TOKYO, "-f cs8 -r 4M", &["--rate 2600000"]),
+        named(data, TOKYO, "-f cs8 -r 2.5M", &["--rate 2600000"]),
+        named(data, TOKYO, "-f cs8 -r 5.2M", &["--rate 2600000"]),
+        named(data, POCKET_4, "-f cs8 -r 4.092M --conjugate", &["--rate 4000000"]),
+        named(data, POCKET_12, "-f rs8 -r 6M --if 1.5M", &["--rate 12000000"]),
+    ])
+}
+
+fn frequency(data: &Path) -> Result<(), Failed> {
+    all([
+        named(data, TOKYO, "-f cs8 -r 2.6M --if 420k", &["--if 0"]),
+        named(data, TOKYO, "-f cs8 -r 2.6M --if=-48.75k", &["--if 0"]),
+        named(data, TOKYO, "-f cs8 -r 2.6M --if 12k", &["--doppler-max"]),
+        named(data, POCKET_12, "-f rs8 -r 12M --if 4.092M", &["--if 3000000"]),
+        named(data, POCKET_12, "-f rs8 -r 12M --if 0", &["--if 3000000"]),
+        named(data, POCKET_12, "-f rs8 -r 12M", &["real samples", "--if"]),
+    ])
+}
+
+fn sign(data: &Path) -> Result<(), Failed> {
+    let fix = "--nav NAV --time 2190:525633";
+    all([
+        named(
+            data,
+            TOKYO,
+            &format!("-f cs8 -r 2.6M --conjugate {fix}"),
+            &["mirrored", "--conjugate"],
+        ),
+        named(data, POCKET_4, "-f cs8 -r 4M", &["mirrored", "--conjugate"]),
+    ])
+}
+
+fn date(data: &Path) -> Result<(), Failed> {
+    let other_nav = file(data, "orbits/sp3-2010-182/brdc1820.10n");
+    let read = "-f cs8 -r 2.6M";
+    all([
+        named(
+            data,
+            TOKYO,
+            &format!("{read} --nav {other_nav} --time 2190:525633"),
+            &["hours from the given time", "navigation file"],
+        ),
+        named(
+            data,
+            TOKYO,
+            &format!("{read} --nav NAV --time 2022-01-02T02:00:15Z"),
+            &["hours from the given time", "navigation file"],
+        ),
+        named(data, TOKYO, &format!("{read} --nav NAV --time 2190:525933"), &["time"]),
+        named(data, TOKYO, &format!("{read} --nav NAV --time 2190:511233"), &["time"]),
+    ])
+}
+
+fn missing(data: &Path) -> Result<(), Failed> {
+    all([
+        named(data, TOKYO, "-f cs8 -r 2.6M", &["--nav", "--time"]),
+        named(data, TOKYO, "-f cs8 -r 2.6M --nav NAV", &["--time"]),
+        named(data, TOKYO, "-f cs8 -r 2.6M --time 2190:525633", &["--nav"]),
+        named(data, TOKYO, "-f cs8", &["--rate"]),
+        named(data, TOKYO, "-r 2.6M", &["--format"]),
+    ])
+}
+
+fn no_samples() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (empty, none, text) = (path("empty.cs8"), path("none.cs8"), path("text.cs8"));
+    std::fs::write(&empty, b"")?;
+    std::fs::write(&text, b"not samples\n")?;
+    let zeros = path("zeros.cs8");
+    std::fs::write(&zeros, vec![0u8; 200_000])?;
+    let process = |file: &str, parts: &[&str]| complaint(&["process", file, "-r", "2.6M"], parts);
+    let folder_name = folder.path().display().to_string();
+    all([
+        process(&empty, &["empty"]),
+        process(&none, &["none.cs8"]),
+        process(&text, &["few"]),
+        process(&zeros, &["no satellite"]),
+        complaint(&["process", &folder_name, "-f", "cs8", "-r", "2.6M"], &["directory"]),
+        complaint(&["process", &zeros, "-r", "2.6M", "--nav", &text], &["text.cs8"]),
+    ])
+}

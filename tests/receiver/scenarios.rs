@@ -1,0 +1,107 @@
+//! The scenarios that ship with the program: simulated, received from the signals alone, compared with the
+//! truth. They need no data.
+
+use crate::program::{median, run, vector};
+use libtest_mimic::{Failed, Trial};
+use sdr_rx::gnss::constants::{CA_CHIP_RATE, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use serde_json::Value;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// Three subframes of 6 s hold an ephemeris; the scenarios start with a frame.
+const SECONDS: &str = "20";
+
+pub fn trials() -> Vec<Trial> {
+    vec![
+        Trial::test("a_simulated_static_receiver_is_found_where_it_stands", static_receiver),
+        Trial::test("a_simulated_car_on_a_circle_has_its_velocity", circle),
+    ]
+}
+
+/// One fix beside the truth of the same sample.
+struct Compared {
+    position_m: f64,
+    velocity_mps: f64,
+    pdop: f64,
+}
+
+/// Simulates and receives one of the shipped scenarios.
+fn compared(name: &str) -> Result<Vec<Compared>, Failed> {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("signals").join(name);
+    let folder = tempfile::tempdir()?;
+    let capture = folder.path().join("made.sigmf-meta").display().to_string();
+    assert_cmd::Command::new(env!("CARGO_BIN_EXE_sdr-rx"))
+        .arg("simulate")
+        .arg(scenario)
+        .args(["--duration", SECONDS, "--out", &capture])
+        .unwrap();
+    let truth = std::fs::read(folder.path().join("made.truth.json"))?;
+    let truth: Value = serde_json::from_slice(&truth)?;
+    let epochs = truth["epochs"].as_array().ok_or("no truth")?;
+    let answer = run(&["process", &capture, "--troposphere", "none"])?;
+    if answer.code != 0 {
+        return Err(format!("exit code {}: {}", answer.code, answer.said()).into());
+    }
+    let compare = |fix: &Value| {
+        let sample = fix["sample"].as_f64();
+        let epoch = epochs.iter().find(|e| e["sample"].as_f64() == sample)?;
+        Some(Compared {
+            position_m: (vector(&fix["ecef_m"]) - vector(&epoch["position_ecef_m"])).norm(),
+            velocity_mps: (vector(&fix["velocity_mps"]) - vector(&epoch["velocity_ecef_mps"]))
+                .norm(),
+            pdop: fix["pdop"].as_f64()?,
+        })
+    };
+    let all: Vec<Compared> = answer.rows("fixes").iter().filter_map(compare).collect();
+    // Every second has its fix, the first and the last excepted.
+    if all.len() < 18 {
+        return Err(format!("{} fixes compared, of {SECONDS} seconds", all.len()).into());
+    }
+    Ok(all)
+}
+
+/// Jitter of a delay-locked loop, m (Kaplan & Hegarty, 3rd ed., eq. 8.93, spacing 2 x 0.25 chips).
+fn code_sigma_m(bandwidth_hz: f64, cn0_dbhz: f64) -> f64 {
+    (bandwidth_hz * 0.5 / (2.0 * 10f64.powf(cn0_dbhz / 10.0))).sqrt() * SPEED_OF_LIGHT
+        / CA_CHIP_RATE
+}
+
+/// Jitter of a frequency estimate, m/s (Kaplan & Hegarty, 3rd ed., eq. 8.84, 10 ms).
+fn rate_sigma_mps(bandwidth_hz: f64, cn0_dbhz: f64) -> f64 {
+    L1_WAVELENGTH / (TAU * 0.01) * (4.0 * bandwidth_hz / 10f64.powf(cn0_dbhz / 10.0)).sqrt()
+}
+
+/// 45 dB-Hz and 2 bits (-0.6 dB); the loop of 0.5 Hz is four times as wide in its first second. The median
+/// of a position error is below its rms, PDOP x sigma; five times that holds for each of twenty. The
+/// message's steps add some 0.3 m.
+fn static_receiver() -> Result<(), Failed> {
+    let all = compared("static_8sv.toml")?;
+    let middle = median(all.iter().map(|c| c.position_m).collect());
+    let greatest = all.iter().map(|c| c.position_m).fold(0.0, f64::max);
+    let speed = median(all.iter().map(|c| c.velocity_mps).collect());
+    let pdop = all[0].pdop;
+    println!(
+        "median {middle:.2} m, greatest {greatest:.2} m, speed {speed:.3} m/s, PDOP {pdop:.2}"
+    );
+    let (steady, early) = (code_sigma_m(0.5, 44.4), code_sigma_m(2.0, 44.4));
+    let right = middle < pdop * steady + 0.3
+        && greatest < 5.0 * pdop * early + 0.3
+        && speed < pdop * rate_sigma_mps(15.0, 44.4);
+    if right {
+        Ok(())
+    } else {
+        Err(format!("median {middle} m, greatest {greatest} m, {speed} m/s").into())
+    }
+}
+
+/// 40 dB-Hz at the horizon and more above. The turn's jerk, 0.2 m/s^3, leaves a third-order loop of 15 Hz
+/// (19 rad/s) behind by 0.2 / 19^3 m: nothing. The troposphere changes by millimetres a second.
+fn circle() -> Result<(), Failed> {
+    let all = compared("circle_8sv.toml")?;
+    let middle = median(all.iter().map(|c| c.velocity_mps).collect());
+    let greatest = all.iter().map(|c| c.velocity_mps).fold(0.0, f64::max);
+    let (pdop, sigma) = (all[0].pdop, rate_sigma_mps(15.0, 40.0));
+    println!("velocity: median {middle:.3} m/s, greatest {greatest:.3} m/s, PDOP {pdop:.2}");
+    let right = middle < pdop * sigma && greatest < 5.0 * pdop * sigma;
+    if right { Ok(()) } else { Err(format!("median {middle} m/s, greatest {greatest} m/s").into()) }
+}
