@@ -2,12 +2,16 @@
 //! one of them shows a sky full of satellites, it is named.
 
 use crate::acquisition::{SearchOptions, SearchPlan, remove_shadows};
-use crate::capture::{Block, OpenOptions, SampleSource};
+use crate::capture::{Block, OpenOptions, SampleSource, StreamInfo};
 use crate::front_end::{Conditioner, LevelMeter};
 use crate::gnss::constants::CA_CHIP_RATE;
 
 /// Fewer satellites than this call for advice.
 pub const FEW: usize = 4;
+
+/// Satellites below this C/N0 do not count, dB-Hz: they may be shadows of stronger ones that lie outside
+/// the search.
+pub const SOUND_DBHZ: f64 = 30.0;
 
 /// Signal that each way of reading is judged by, s: two windows of 10 ms and a margin.
 pub const LOOK_S: f64 = 0.025;
@@ -21,43 +25,62 @@ const RATES: [f64; 25] = [
     10e6, 12e6, 12.5e6, 15e6, 16e6, 16.367e6, 16.368e6, 20e6, 24e6, 25e6, 26e6,
 ];
 
-/// Widest Doppler of a poor oscillator (10 ppm and the satellites' own), Hz.
-const WIDE_HZ: f64 = 21e3;
+/// Widest Doppler of a poor oscillator (13 ppm and the satellites' own), Hz.
+const WIDE_HZ: f64 = 26e3;
 
-/// A way of reading a capture that differs from the one that was asked for.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Reading {
-    /// As asked for.
-    AsGiven,
-    /// Another sample type.
-    Format(&'static str),
-    /// Another sampling rate, Hz.
-    Rate(f64),
-    /// Another intermediate frequency, Hz.
-    IntermediateFrequency(f64),
-    /// The same, searched for Dopplers up to [`WIDE_HZ`].
-    WideDoppler,
+/// A way of reading a capture: what differs from the one that was asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    format: Option<&'static str>,
+    rate_hz: Option<f64>,
+    if_hz: Option<f64>,
+    /// Searched for Dopplers up to [`WIDE_HZ`].
+    wide_doppler: bool,
 }
 
 impl Reading {
     /// Changes options for opening a capture.
     pub fn apply(&self, options: &mut OpenOptions) {
-        match *self {
-            Self::Format(format) => options.format = Some(format.to_owned()),
-            Self::Rate(rate_hz) => options.rate_hz = Some(rate_hz),
-            Self::IntermediateFrequency(if_hz) => options.if_hz = Some(if_hz),
-            Self::AsGiven | Self::WideDoppler => {}
-        }
+        options.format = self.format.map(str::to_owned).or(options.format.take());
+        options.rate_hz = self.rate_hz.or(options.rate_hz);
+        options.if_hz = self.if_hz.or(options.if_hz);
     }
 
+    /// The options that a person would give.
     fn option(&self) -> String {
-        match self {
-            Self::Format(format) => format!("--format {format}"),
-            Self::Rate(rate_hz) => format!("--rate {rate_hz}"),
-            Self::IntermediateFrequency(if_hz) => format!("--if {if_hz}"),
-            Self::WideDoppler => format!("--doppler-max {WIDE_HZ}"),
-            Self::AsGiven => String::new(),
+        let parts = [
+            self.format.map(|f| format!("--format {f}")),
+            self.rate_hz.map(|r| format!("--rate {r}")),
+            self.if_hz.map(|f| format!("--if {f}")),
+            self.wide_doppler.then(|| format!("--doppler-max {WIDE_HZ}")),
+        ];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
+    }
+
+    /// All readings that are worth a try, beside the one asked for.
+    fn others(info: &StreamInfo) -> Vec<Self> {
+        let mut list = vec![Self { wide_doppler: true, ..Self::default() }];
+        for format in TYPES.into_iter().filter(|t| *t != info.format) {
+            // Real samples have an intermediate frequency; a quarter of the rate is the usual one.
+            let needs_if = format.starts_with('r') && info.if_hz == 0.0;
+            let if_hz = needs_if.then_some(info.rate_hz / 4.0);
+            list.push(Self { format: Some(format), if_hz, ..Self::default() });
         }
+        for rate_hz in RATES.into_iter().filter(|r| (r / info.rate_hz - 1.0).abs() > 1e-9) {
+            list.push(Self { rate_hz: Some(rate_hz), ..Self::default() });
+            if info.if_hz != 0.0 {
+                let if_hz = Some(info.if_hz * rate_hz / info.rate_hz);
+                list.push(Self { rate_hz: Some(rate_hz), if_hz, ..Self::default() });
+            }
+        }
+        let quarter = info.rate_hz / 4.0;
+        let frequencies = [0.0, -info.if_hz, quarter, -quarter, 420e3, 4.092e6, 2.42e6, 3e6];
+        for if_hz in frequencies {
+            if (if_hz - info.if_hz).abs() > 1.0 && if_hz.abs() < 0.6 * info.rate_hz {
+                list.push(Self { if_hz: Some(if_hz), ..Self::default() });
+            }
+        }
+        list
     }
 }
 
@@ -67,32 +90,24 @@ pub type Open<'a> = dyn Fn(&Reading) -> Option<Box<dyn SampleSource>> + 'a;
 /// What is probably wrong, and what to try. `found` satellites were found as the capture was read.
 pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> {
     let mut advice = Vec::new();
-    let Some(source) = open(&Reading::AsGiven) else { return advice };
+    let Some(source) = open(&Reading::default()) else { return advice };
     let info = source.info().clone();
     let search =
         SearchOptions { false_alarm: 1e-3, coherent_ms: 10, max_windows: 2, ..search.clone() };
-    let mut readings: Vec<Reading> = vec![Reading::WideDoppler];
-    readings.extend(TYPES.iter().filter(|t| **t != info.format).map(|t| Reading::Format(t)));
-    readings.extend(
-        RATES.iter().filter(|r| (*r / info.rate_hz - 1.0).abs() > 1e-9).map(|&r| Reading::Rate(r)),
-    );
-    let frequencies =
-        [0.0, -info.if_hz, info.rate_hz / 4.0, -info.rate_hz / 4.0, 420e3, 4.092e6, 2.42e6, 3e6];
-    let other = |f: &&f64| (**f - info.if_hz).abs() > 1.0 && f.abs() < 0.6 * info.rate_hz;
-    readings.extend(frequencies.iter().filter(other).map(|&f| Reading::IntermediateFrequency(f)));
+    let readings = Reading::others(&info);
     let best = readings
         .into_iter()
         .filter_map(|reading| {
             let mut search = search.clone();
-            if reading == Reading::WideDoppler {
+            if reading.wide_doppler {
                 search.doppler_hz = (-WIDE_HZ, WIDE_HZ);
             }
-            let count = satellites(open(&reading)?, &search)?;
-            Some((reading, count))
+            let sky = satellites(open(&reading)?, &search)?;
+            Some((reading, sky))
         })
-        .max_by_key(|(_, count)| *count);
+        .max_by(|a, b| a.1.count.cmp(&b.1.count).then(a.1.total_dbhz.total_cmp(&b.1.total_dbhz)));
     match best {
-        Some((reading, count)) if count >= FEW && count > found => {
+        Some((reading, Sky { count, .. })) if count >= FEW && count > found => {
             advice.push(format!("{count} satellites are there with {}: try it", reading.option()));
         }
         _ => advice.push(
@@ -103,8 +118,14 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
     advice
 }
 
-/// Number of satellites in the first samples of a source.
-fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Option<usize> {
+/// How many sound satellites there are, and their C/N0 added up: the better reading has more of both.
+struct Sky {
+    count: usize,
+    total_dbhz: f64,
+}
+
+/// The satellites in the first samples of a source.
+fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Option<Sky> {
     let info = source.info().clone();
     if info.rate_hz < 2.0 * CA_CHIP_RATE * 0.97 {
         return None;
@@ -118,13 +139,14 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     let samples = if block.channels() > 0 { block.channel(0) } else { &[] };
     let mut found = plan.search(samples).ok()?;
     remove_shadows(&mut found, search.coherent_ms, plan.windows(samples.len()));
-    Some(found.len())
+    found.retain(|a| a.cn0_dbhz >= SOUND_DBHZ);
+    Some(Sky { count: found.len(), total_dbhz: found.iter().map(|a| a.cn0_dbhz).sum() })
 }
 
 /// What the level statistics of the capture as given say against its sample type.
 fn level_doubts(open: &Open) -> Vec<String> {
     let doubts = || {
-        let mut source = open(&Reading::AsGiven)?;
+        let mut source = open(&Reading::default())?;
         let (rate_hz, real) = (source.info().rate_hz, source.info().real);
         let mut raw = Block::default();
         source.read(&mut raw, (LOOK_S * rate_hz) as usize).ok()?;

@@ -14,7 +14,7 @@ pub struct Acquire {
     #[command(flatten)]
     receive: Receive,
     /// Seconds of signal that the measurements use
-    #[arg(long, value_name = "S", default_value_t = 1.0, help_heading = "Search")]
+    #[arg(long, value_name = "S", default_value_t = 0.2, help_heading = "Search")]
     seconds: f64,
     /// Write the result as one JSON object to a file, or - for standard output
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]

@@ -22,7 +22,7 @@ pub struct Input {
     #[arg(short = 'r', long, value_name = "HZ", value_parser = si_number, help_heading = "Capture")]
     pub rate: Option<f64>,
     /// Where the L1 carrier lies in the samples, Hz, such as 4.092M (complex samples: 0)
-    #[arg(long = "if", value_name = "HZ", value_parser = si_number, allow_negative_numbers = true, help_heading = "Capture")]
+    #[arg(long = "if", value_name = "HZ", value_parser = si_number, allow_hyphen_values = true, help_heading = "Capture")]
     pub if_hz: Option<f64>,
     /// The spectrum is mirrored: invert Q
     #[arg(long, help_heading = "Capture")]

@@ -1,7 +1,7 @@
 //! How `process` and `acquire` print and write what they found.
 
 use super::receive::Receive;
-use sdr_rx::acquisition::Acquisition;
+use sdr_rx::acquisition::{Acquisition, Refined};
 use sdr_rx::advice::{self, Reading};
 use sdr_rx::capture::{self, StreamInfo};
 use sdr_rx::receiver::{Outcome, ReceiverOptions};
@@ -94,7 +94,9 @@ fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
 
 /// When next to nothing was found: tries how else the capture might be meant to be read, and says so.
 pub fn advise(receive: &Receive, options: &ReceiverOptions, outcome: &mut Outcome) {
-    if outcome.acquisitions.len() >= advice::FEW || receive.input.is_standard_input() {
+    let sound = |r: &&Refined| r.acquisition.cn0_dbhz >= advice::SOUND_DBHZ;
+    let found = outcome.acquisitions.iter().filter(sound).count();
+    if found >= advice::FEW || receive.input.is_standard_input() {
         return;
     }
     let open = |reading: &Reading| {
@@ -103,5 +105,5 @@ pub fn advise(receive: &Receive, options: &ReceiverOptions, outcome: &mut Outcom
         reading.apply(&mut open);
         capture::open(&receive.input.captures, &open).ok()
     };
-    outcome.warnings.extend(advice::advise(&open, &options.search, outcome.acquisitions.len()));
+    outcome.warnings.extend(advice::advise(&open, &options.search, found));
 }

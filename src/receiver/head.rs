@@ -21,9 +21,15 @@ pub(super) const CHUNK_S: f64 = 0.1;
 const ENOUGH_SATELLITES: usize = 8;
 pub(super) const DEEP_WINDOWS: usize = 16;
 
+/// Signal that a mirrored spectrum is looked for in, s.
+const MIRROR_S: f64 = 0.1;
+const MIRRORED: &str = "the spectrum is mirrored: code drifts and Dopplers disagree in sign; read it with --conjugate (or without, if it was given)";
+
 /// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
-/// noise that passed the search's threshold falls by the ratio of the two lengths.
+/// noise that passed the search's threshold falls by the ratio of the two lengths. Less than four times
+/// the signal of the search says nothing new.
 const CONFIRMED_DB: f64 = 6.0;
+const CONFIRMING: f64 = 4.0;
 
 /// The start of a stream: what acquisition sees.
 pub(super) struct Head {
@@ -102,19 +108,20 @@ pub(super) fn acquire_head(
         search.max_windows = deep;
         found = search_head(&head.samples, rate_hz, &search)?;
     }
+    // In 0.1 s even the code of a mirrored satellite stays within a chip of where it is expected.
+    let short = refine.min((MIRROR_S * rate_hz) as u64);
+    let first = refine_all(&head.buffer, rate_hz, 0, short, &found, &search);
+    if is_mirrored(&first) {
+        outcome.warnings.push(MIRRORED.to_owned());
+        outcome.acquisitions = first;
+        return Ok(());
+    }
     let mut end = refine;
-    if let Some(slip) = find_slip(&head.samples[..refine as usize], rate_hz, &found) {
+    if let Some(slip) = find_slip(&head.samples, rate_hz, &found) {
         outcome.warnings.push(slip_warning(&slip, rate_hz));
-        end = slip.after;
+        end = end.min(slip.after);
     }
-    outcome.acquisitions = refine_all(&head.buffer, rate_hz, 0, end, &found, search.coherent_ms);
-    if is_mirrored(&outcome.acquisitions) {
-        outcome.warnings.push(
-            "the spectrum is mirrored: code drifts and Dopplers disagree in sign; read it with --conjugate \
-             (or without, if it was given)"
-                .to_owned(),
-        );
-    }
+    outcome.acquisitions = refine_all(&head.buffer, rate_hz, 0, end, &found, &search);
     Ok(())
 }
 
@@ -135,14 +142,17 @@ pub(super) fn refine_all(
     start: u64,
     end: u64,
     found: &[Acquisition],
-    coherent_ms: usize,
+    search: &SearchOptions,
 ) -> Vec<Refined> {
     let refiner = Refiner::new(buffer, rate_hz, start, end);
-    let span_hz = 1e3 / coherent_ms as f64;
+    let span_hz = 1e3 / search.coherent_ms as f64;
+    let searched = (search.coherent_ms * search.max_windows) as f64 * 1e-3;
+    let confirms = (end - start) as f64 / rate_hz >= CONFIRMING * searched;
     let refine = |a: &Acquisition| {
         let refined = refiner.refine(a, &CodeTable::new(a.sv, rate_hz), span_hz);
-        let refined = refined.unwrap_or_else(|| Refined::unrefined(a, rate_hz, coherent_ms));
-        (refined.acquisition.cn0_dbhz > a.cn0_dbhz - CONFIRMED_DB).then_some(refined)
+        let refined = refined.unwrap_or_else(|| Refined::unrefined(a, rate_hz, search.coherent_ms));
+        let is_there = refined.acquisition.cn0_dbhz > a.cn0_dbhz - CONFIRMED_DB;
+        (is_there || !confirms).then_some(refined)
     };
     let mut refined: Vec<Refined> = found.par_iter().filter_map(refine).collect();
     refined.sort_by(|a, b| b.acquisition.cn0_dbhz.total_cmp(&a.acquisition.cn0_dbhz));

@@ -15,8 +15,9 @@ use tracker::track_all;
 /// Signal that the first search and its refinement see, s.
 const HEAD_S: f64 = 1.0;
 
-/// Signal that a refinement uses where tracking follows, s.
-const REFINE_S: f64 = 0.5;
+/// Signal that a refinement uses, s: a Doppler that changes by 10 Hz/s turns the carrier by no more than
+/// 0.3 rad from its mean over it.
+const REFINE_S: f64 = 0.2;
 
 /// Recordings shorter than this are snapshots: they hold no subframe.
 const SHORTEST_TRACK_S: f64 = 6.0;
@@ -104,7 +105,7 @@ pub fn process(
     let head = input.head(HEAD_S)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
     let length = head.samples.len() as u64;
-    let refine = if head.is_all { length } else { length.min((REFINE_S * rate_hz) as u64) };
+    let refine = length.min((REFINE_S * rate_hz) as u64);
     acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
     let is_snapshot = head.is_all
         || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);

@@ -207,8 +207,9 @@ impl Tracker<'_> {
                 found.extend(self.search_chunk(chunk, &search)?);
             }
         }
-        let coherent_ms = self.options.search.coherent_ms;
-        for refined in refine_all(buffer, self.rate_hz, start, buffer.end(), &found, coherent_ms) {
+        for refined in
+            refine_all(buffer, self.rate_hz, start, buffer.end(), &found, &self.options.search)
+        {
             let start = TrackStart::from_refined(&refined, start);
             let mut track = Track::new(&start, self.rate_hz, &self.options.tracking);
             track.advance(buffer, self.spacing);
