@@ -115,7 +115,7 @@ fn windows(
         worst.0,
         worst.1
     );
-    if found.len() < least || !(middle <= median_m) {
+    if found.len() < least || middle.is_nan() || middle > median_m {
         problems.push(format!("{} fixes of {count}, median {middle:.1} m", found.len()));
     }
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ").into()) }
