@@ -215,7 +215,8 @@ fn gnss_sdr(data: &Path) -> Result<(), Failed> {
     let doppler = answer.acquired("G01", "doppler_hz");
     let offset = answer.acquired("G01", "code_offset_us");
     println!("Doppler {doppler:.1} Hz, delay {:.2} samples", offset * 4.0);
-    let right = (doppler - 1680.0).abs() < 50.0 && (offset - 131.0).abs() < OFFSET_US;
+    // One whole code period fits into 2 ms: half a bin of 250 Hz is what the search knows.
+    let right = (doppler - 1680.0).abs() < 125.0 && (offset - 131.0).abs() < OFFSET_US;
     if right { Ok(()) } else { Err(format!("{doppler} Hz, {offset} us").into()) }
 }
 

@@ -38,7 +38,7 @@ fn compared(name: &str) -> Result<Vec<Compared>, Failed> {
     let truth = std::fs::read(folder.path().join("made.truth.json"))?;
     let truth: Value = serde_json::from_slice(&truth)?;
     let epochs = truth["epochs"].as_array().ok_or("no truth")?;
-    let answer = run(&["process", &capture, "--troposphere", "none"])?;
+    let answer = run(&["process", &capture])?;
     if answer.code != 0 {
         return Err(format!("exit code {}: {}", answer.code, answer.said()).into());
     }
