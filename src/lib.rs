@@ -77,6 +77,7 @@
 
 pub mod acquisition;
 pub mod advice;
+pub mod array;
 pub mod capture;
 pub mod correlator;
 pub mod front_end;

@@ -2,6 +2,7 @@
 
 mod conditioner;
 mod level;
+pub mod mixture;
 mod oscillator;
 mod spectrum;
 

@@ -3,6 +3,7 @@
 //! Everything here is a plain value or a pure function of plain values; nothing knows of files,
 //! samples or receivers.
 
+pub mod antenna;
 pub mod atmosphere;
 pub mod coordinates;
 pub mod ephemeris;

@@ -1,0 +1,11 @@
+//! The antenna array: how many sources there are, from where, and beams to them.
+//!
+//! Nothing here knows of files, codes' bits or positions. Matrices are `faer` matrices; a column is a
+//! snapshot (the samples of all elements at one instant) unless said otherwise.
+
+pub mod manifold;
+
+pub use manifold::{Bearing, Manifold, Point};
+
+/// Dynamic complex matrix.
+pub type CMat = faer::Mat<num_complex::Complex64>;
