@@ -16,6 +16,22 @@ impl Block {
         Self { samples: vec![Complex32::ZERO; channels * len], channels, first_sample: 0 }
     }
 
+    /// Blocks that follow each other as one.
+    pub fn joined(blocks: &[Self]) -> Self {
+        let (len, channels) =
+            (blocks.iter().map(Self::len).sum(), blocks.first().map_or(0, |b| b.channels));
+        let mut joined = Self::default();
+        joined.reset(channels, len, blocks.first().map_or(0, |b| b.first_sample));
+        let mut at = 0;
+        for block in blocks {
+            for c in 0..channels {
+                joined.channel_mut(c)[at..at + block.len()].copy_from_slice(block.channel(c));
+            }
+            at += block.len();
+        }
+        joined
+    }
+
     /// Makes the block `channels` x `len`, keeping its allocation; contents are unspecified.
     pub fn reset(&mut self, channels: usize, len: usize, first_sample: u64) {
         self.samples.resize(channels * len, Complex32::ZERO);

@@ -1,6 +1,8 @@
 //! The pipeline: the stages of the house in their order, from a source of samples to positions.
 
+mod find;
 mod head;
+mod input;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
@@ -9,7 +11,8 @@ use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
 use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
 use crate::tracking::TrackingOptions;
-use head::{Input, acquire_head};
+use head::acquire_head;
+use input::Input;
 use tracker::track_all;
 
 /// Signal that the first search and its refinement see, s.
@@ -87,8 +90,8 @@ pub fn acquire(
     let mut input = Input::new(source, options.decimation);
     let mut head = input.head(seconds)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
-    head.samples.truncate(wanted.max(1));
-    let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
+    head.truncate(wanted);
+    let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
     acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
@@ -104,16 +107,16 @@ pub fn process(
     let rate_hz = input.rate_hz();
     let head = input.head(HEAD_S)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
-    let length = head.samples.len() as u64;
+    let length = head.block.len() as u64;
     let refine = length.min((REFINE_S * rate_hz) as u64);
-    acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
+    let found = acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
     let is_snapshot = head.is_all
         || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
     if is_snapshot {
         outcome.samples = length;
         solve_head(refine, rate_hz, options, &mut outcome);
     } else {
-        track_all(&mut input, head, options, &mut outcome, progress)?;
+        track_all(&mut input, head, found, options, &mut outcome, progress)?;
         if outcome.fixes.is_empty() && options.time.is_some() && !options.navigation.is_empty() {
             // No message could be read, but the start of the recording is a snapshot all the same.
             solve_head(refine, rate_hz, options, &mut outcome);
