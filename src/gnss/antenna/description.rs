@@ -98,24 +98,19 @@ impl ArrayDescription {
         AntennaArray::new(self.array.elements_m.iter().map(|p| turn * p).collect())
     }
 
-    /// A direction (east, north, up) in the frame of the platform.
+    /// The array as it really is, in the frame east, north, up: the errors are its gains.
+    pub fn real_in_enu(&self) -> AntennaArray {
+        AntennaArray { gains: self.errors.clone(), ..self.in_enu() }
+    }
+
+    /// What a receiver may know of it: all but the errors.
+    pub fn without_errors(&self) -> Self {
+        Self { errors: vec![Complex64::ONE; self.len()], ..self.clone() }
+    }
+
+    /// A direction (east, north, up) in the frame of the platform (right, forward, up).
     pub fn to_platform(&self, towards: &Unit<Vector3<f64>>) -> Unit<Vector3<f64>> {
         Unit::new_normalize(self.attitude.to_enu().transpose() * towards.into_inner())
-    }
-
-    /// What the elements really answer, errors included, to a wave from `towards` (east, north, up).
-    pub fn response(&self, towards: &Unit<Vector3<f64>>) -> Vec<Complex64> {
-        let ideal = self.array.response(&self.to_platform(towards));
-        ideal.iter().zip(&self.errors).map(|(a, e)| a * e).collect()
-    }
-
-    /// Of a linear array, the direction of its axis from the first element towards the last, in the frame
-    /// of the platform.
-    pub fn axis(&self) -> Option<Unit<Vector3<f64>>> {
-        let (first, last) = (self.array.elements_m.first()?, self.array.elements_m.last()?);
-        let axis = Unit::try_new(last - first, 1e-6 * L1_WAVELENGTH)?;
-        let off = |p: &Vector3<f64>| (p - first).cross(&axis).norm();
-        self.array.elements_m.iter().all(|p| off(p) < 1e-6 * L1_WAVELENGTH).then_some(axis)
     }
 }
 
@@ -193,14 +188,14 @@ mod tests {
         // The platform looks east, so its right is south: from azimuth 180 - 30, elevation 0, the wave
         // reaches the second element first by d cos 30.
         let towards = super::super::direction(150f64.to_radians(), 0.0);
-        let response = array.response(&towards);
+        let response = array.real_in_enu().response(&towards);
         let phase = PI * 30f64.to_radians().cos() + 30f64.to_radians();
         let expected = Complex64::from_polar(10f64.powf(0.3), phase);
         assert!((response[0] - 1.0).norm() < 1e-14 && (response[1] - expected).norm() < 1e-14);
         let calibrated = response[1] * array.calibration.as_ref().unwrap()[1];
         let ideal = array.in_enu().response(&towards)[1];
         assert!((calibrated - ideal).norm() < 1e-14);
-        let cosine = array.to_platform(&towards).dot(&array.axis().unwrap());
+        let cosine = array.to_platform(&towards).dot(&array.array.axis().unwrap());
         assert!((cosine - 30f64.to_radians().cos()).abs() < 1e-14);
         let back = table(&toml::to_string(&array).unwrap()).unwrap();
         assert!((back.errors[1] - array.errors[1]).norm() < 1e-14);

@@ -78,6 +78,15 @@ impl AntennaArray {
         let turn = |p: &Vector3<f64>| TAU * p.dot(towards) / L1_WAVELENGTH;
         self.elements_m.iter().zip(&self.gains).map(|(p, g)| g * Complex64::cis(turn(p))).collect()
     }
+
+    /// Direction of the axis of a linear array, from its first element towards its last; none where the
+    /// elements lie on no line, or in one place (to a millionth of a wavelength).
+    pub fn axis(&self) -> Option<Unit<Vector3<f64>>> {
+        let (first, last) = (self.elements_m.first()?, self.elements_m.last()?);
+        let axis = Unit::try_new(last - first, 1e-6 * L1_WAVELENGTH)?;
+        let off = |p: &Vector3<f64>| (p - first).cross(&axis).norm();
+        self.elements_m.iter().all(|p| off(p) < 1e-6 * L1_WAVELENGTH).then_some(axis)
+    }
 }
 
 /// Unit vector (east, north, up) towards an azimuth from north over east and an elevation, rad.
