@@ -1,6 +1,6 @@
 //! The block: what flows from the antenna to the correlators.
 
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 
 /// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -80,6 +80,14 @@ impl Block {
     pub fn channel_mut(&mut self, channel: usize) -> &mut [Complex32] {
         let len = self.len();
         &mut self.samples[channel * len..(channel + 1) * len]
+    }
+
+    /// Multiplies each channel by its weight: the calibration of an antenna array, when one is given.
+    pub fn weight_channels(&mut self, weights: &[Complex64]) {
+        for (channel, weight) in self.channels_mut().zip(weights) {
+            let weight = Complex32::new(weight.re as f32, weight.im as f32);
+            channel.iter_mut().for_each(|x| *x *= weight);
+        }
     }
 
     /// Appends the samples as they lie in a file: channels interleaved by sample, I before Q, and of
