@@ -2,7 +2,8 @@
 
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::correlator::SampleBuffer;
-use crate::front_end::Conditioner;
+use super::ReceiverOptions;
+use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
 
 /// Most samples that a head holds: of one channel, and of all together.
 const HEAD_SAMPLES: f64 = 8e6;
@@ -30,14 +31,21 @@ impl Head {
 /// The source behind its conditioning.
 pub(super) struct Input<'a> {
     pub(super) source: &'a mut dyn SampleSource,
+    suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
     raw: Block,
 }
 
 impl<'a> Input<'a> {
-    pub(super) fn new(source: &'a mut dyn SampleSource, decimation: usize) -> Self {
-        let conditioner = Conditioner::new(source.info(), decimation);
-        Self { source, conditioner, raw: Block::default() }
+    pub(super) fn new(source: &'a mut dyn SampleSource, options: &ReceiverOptions) -> Self {
+        let suppressor = ImpulseSuppressor::new(options.suppression, source.info());
+        let conditioner = Conditioner::new(source.info(), options.decimation);
+        Self { source, suppressor, conditioner, raw: Block::default() }
+    }
+
+    /// What was found of impulses so far.
+    pub(super) fn noise(&self) -> Option<ImpulseReport> {
+        self.suppressor.report()
     }
 
     pub(super) fn info(&self) -> &StreamInfo {
@@ -53,8 +61,10 @@ impl<'a> Input<'a> {
         let want = (CHUNK_S * self.source.info().rate_hz).ceil() as usize;
         if self.conditioner.is_identity() {
             self.source.read(block, want)?;
+            self.suppressor.process(block);
         } else {
             self.source.read(&mut self.raw, want)?;
+            self.suppressor.process(&mut self.raw);
             self.conditioner.process(&self.raw, block);
         }
         Ok(())
