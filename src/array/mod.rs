@@ -3,7 +3,9 @@
 //! Nothing here knows of files, codes' bits or positions. Matrices are `faer` matrices; a column is a
 //! snapshot (the samples of all elements at one instant) unless said otherwise.
 
+pub mod covariance;
 pub mod manifold;
+pub mod random_matrix;
 
 pub use manifold::{Bearing, Manifold, Point};
 
