@@ -5,6 +5,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::capture::StreamInfo;
+use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::{NavigationData, Sv, rinex_nav};
@@ -37,6 +38,9 @@ pub struct Receive {
     /// Lower the sampling rate by this factor first [default: 1, or what leaves at least 4 MHz]
     #[arg(long, value_name = "N", help_heading = "Search")]
     pub decimate: Option<usize>,
+    /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
+    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Search")]
+    pub suppress: Suppression,
     /// Threads; the result is the same for any number [default: all processors]
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
@@ -123,6 +127,7 @@ impl Receive {
             navigation: NavigationData::default(),
             time: info.start_time,
             interval_s: 1.0,
+            suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
         }
     }
@@ -136,6 +141,7 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "search_ms": options.search.coherent_ms,
         "search_windows": options.search.max_windows,
         "pfa": options.search.false_alarm,
+        "suppress": options.suppression.to_string(),
         "decimation": options.decimation,
         "coherent_ms": options.tracking.coherent_ms,
         "pll_hz": options.tracking.pll_hz,

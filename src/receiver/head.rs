@@ -7,7 +7,7 @@ use crate::acquisition::{
 };
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::correlator::{CodeTable, SampleBuffer};
-use crate::front_end::Conditioner;
+use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -42,14 +42,21 @@ pub(super) struct Head {
 /// The source behind its conditioning.
 pub(super) struct Input<'a> {
     pub(super) source: &'a mut dyn SampleSource,
+    suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
     raw: Block,
 }
 
 impl<'a> Input<'a> {
-    pub(super) fn new(source: &'a mut dyn SampleSource, decimation: usize) -> Self {
-        let conditioner = Conditioner::new(source.info(), decimation);
-        Self { source, conditioner, raw: Block::default() }
+    pub(super) fn new(source: &'a mut dyn SampleSource, options: &ReceiverOptions) -> Self {
+        let suppressor = ImpulseSuppressor::new(options.suppression, source.info());
+        let conditioner = Conditioner::new(source.info(), options.decimation);
+        Self { source, suppressor, conditioner, raw: Block::default() }
+    }
+
+    /// What was found of impulses so far.
+    pub(super) fn noise(&self) -> Option<ImpulseReport> {
+        self.suppressor.report()
     }
 
     pub(super) fn info(&self) -> &StreamInfo {
@@ -65,8 +72,10 @@ impl<'a> Input<'a> {
         let want = (CHUNK_S * self.source.info().rate_hz).ceil() as usize;
         if self.conditioner.is_identity() {
             self.source.read(block, want)?;
+            self.suppressor.process(block);
         } else {
             self.source.read(&mut self.raw, want)?;
+            self.suppressor.process(&mut self.raw);
             self.conditioner.process(&self.raw, block);
         }
         Ok(())

@@ -5,6 +5,7 @@ mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
 use crate::capture::{SampleSource, SourceError};
+use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
 use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
@@ -40,7 +41,9 @@ pub struct ReceiverOptions {
     pub time: Option<GpsTime>,
     /// Time between fixes, s.
     pub interval_s: f64,
-    /// Integer factor by which the rate is lowered before anything else.
+    /// What is done about impulsive noise, before anything else.
+    pub suppression: Suppression,
+    /// Integer factor by which the rate is lowered then.
     pub decimation: usize,
 }
 
@@ -72,6 +75,8 @@ pub struct Outcome {
     pub first_fix_s: Option<f64>,
     /// Samples read of each channel.
     pub samples: u64,
+    /// Impulsive noise, where some was found and suppressed.
+    pub noise: Option<ImpulseReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
     /// Why there is no fix, where there is none.
@@ -84,12 +89,13 @@ pub fn acquire(
     options: &ReceiverOptions,
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
+    let mut input = Input::new(source, options);
     let mut head = input.head(seconds)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.samples.truncate(wanted.max(1));
     let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
     acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
+    outcome.noise = input.noise();
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -100,7 +106,7 @@ pub fn process(
     options: &ReceiverOptions,
     progress: &mut (dyn FnMut(u64) + Send),
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
+    let mut input = Input::new(source, options);
     let rate_hz = input.rate_hz();
     let head = input.head(HEAD_S)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
@@ -119,6 +125,7 @@ pub fn process(
             solve_head(refine, rate_hz, options, &mut outcome);
         }
     }
+    outcome.noise = input.noise();
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }

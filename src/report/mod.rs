@@ -26,10 +26,11 @@ pub use rinex_nav::rinex_navigation;
 pub use rinex_obs::{observation_file_name, rinex_observations};
 pub use summary::{SkyEntry, Summary, sky};
 pub use svg::{east_north_plot, height_plot, sky_plot};
-pub use table::{acquisition_table, fix_table, sky_text};
+pub use table::{acquisition_table, fix_table, noise_line, sky_text};
 
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
+use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
 use crate::observables::ObservationEpoch;
 use crate::positioning::Fix;
@@ -49,6 +50,8 @@ pub struct Run<'a> {
     pub fixes: &'a [Fix],
     /// Ephemerides, ionosphere and UTC that were used or decoded.
     pub navigation: &'a NavigationData,
+    /// Impulsive noise, where some was found and suppressed.
+    pub noise: Option<&'a ImpulseReport>,
     /// What a person should know.
     pub warnings: &'a [String],
     /// Why there is no fix, if there is none.

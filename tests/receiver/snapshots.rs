@@ -6,6 +6,7 @@ use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::capture::{self, OpenOptions};
+use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::{GpsTime, rinex_nav};
 use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions};
@@ -54,6 +55,7 @@ fn snapshot(
         navigation: rinex_nav::read(data.join("nav/brdc0010.22n"))?,
         time: source.info().start_time,
         interval_s: 1.0,
+        suppression: Suppression::default(),
         decimation: 1,
     };
     Ok(receiver::process(source.as_mut(), &options, &mut |_| ())?)
