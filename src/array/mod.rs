@@ -5,7 +5,9 @@
 
 pub mod authenticity;
 pub mod beams;
+pub mod covariance;
 pub mod manifold;
+pub mod random_matrix;
 pub mod signature;
 
 pub use beams::Beam;
