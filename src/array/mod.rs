@@ -3,8 +3,10 @@
 //! Nothing here knows of files, codes' bits or positions. Matrices are `faer` matrices; a column is a
 //! snapshot (the samples of all elements at one instant) unless said otherwise.
 
+pub mod dictionary;
 pub mod manifold;
 
+pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use manifold::{Bearing, Manifold, Point};
 
 /// Dynamic complex matrix.
