@@ -6,11 +6,13 @@
 pub mod authenticity;
 pub mod beams;
 pub mod covariance;
+pub mod dictionary;
 pub mod manifold;
 pub mod random_matrix;
 pub mod signature;
 
 pub use beams::Beam;
+pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use manifold::{Bearing, Manifold, Point};
 pub use signature::{Arrival, Signature, arrival};
 
