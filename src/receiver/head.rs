@@ -2,8 +2,9 @@
 
 use super::find::{Found, Region, search};
 use super::input::Head;
-use super::{Outcome, ReceiverError, ReceiverOptions};
+use super::{ArraySky, Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Refined, Slip, find_slip, is_mirrored};
+use crate::array::Manifold;
 
 /// With fewer satellites than this a deeper search follows.
 const ENOUGH_SATELLITES: usize = 8;
@@ -47,6 +48,8 @@ pub(super) fn acquire_head(
         found = region(end).refine_all(&cells, &asked);
     }
     outcome.acquisitions = found.iter().map(|f| f.refined).collect();
+    let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
+    outcome.sky = ArraySky::new(&found, manifold.as_ref());
     Ok(found)
 }
 

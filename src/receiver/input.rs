@@ -1,9 +1,10 @@
 //! The stream as the receiver sees it: conditioned, and its start held.
 
+use super::{ReceiverError, ReceiverOptions};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::correlator::SampleBuffer;
-use super::ReceiverOptions;
 use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
+use num_complex::Complex64;
 
 /// Most samples that a head holds: of one channel, and of all together.
 const HEAD_SAMPLES: f64 = 8e6;
@@ -33,14 +34,23 @@ pub(super) struct Input<'a> {
     pub(super) source: &'a mut dyn SampleSource,
     suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
+    calibration: Option<Vec<Complex64>>,
     raw: Block,
 }
 
 impl<'a> Input<'a> {
-    pub(super) fn new(source: &'a mut dyn SampleSource, options: &ReceiverOptions) -> Self {
+    pub(super) fn new(
+        source: &'a mut dyn SampleSource,
+        options: &ReceiverOptions,
+    ) -> Result<Self, ReceiverError> {
+        let channels = source.info().channels;
+        if let Some(array) = options.array.as_ref().filter(|a| a.len() != channels) {
+            return Err(ReceiverError::Array { elements: array.len(), channels });
+        }
         let suppressor = ImpulseSuppressor::new(options.suppression, source.info());
         let conditioner = Conditioner::new(source.info(), options.decimation);
-        Self { source, suppressor, conditioner, raw: Block::default() }
+        let calibration = options.array.as_ref().and_then(|a| a.calibration.clone());
+        Ok(Self { source, suppressor, conditioner, calibration, raw: Block::default() })
     }
 
     /// What was found of impulses so far.
@@ -66,6 +76,9 @@ impl<'a> Input<'a> {
             self.source.read(&mut self.raw, want)?;
             self.suppressor.process(&mut self.raw);
             self.conditioner.process(&self.raw, block);
+        }
+        if let Some(weights) = &self.calibration {
+            block.weight_channels(weights);
         }
         Ok(())
     }

@@ -3,11 +3,13 @@
 mod find;
 mod head;
 mod input;
+mod sky;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
+use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
 use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
@@ -15,6 +17,8 @@ use crate::tracking::TrackingOptions;
 use head::acquire_head;
 use input::Input;
 use tracker::track_all;
+
+pub use sky::{ArraySky, Prediction, SatelliteArrival};
 
 /// Signal that the first search and its refinement see, s.
 const HEAD_S: f64 = 1.0;
@@ -44,6 +48,9 @@ pub struct ReceiverOptions {
     pub time: Option<GpsTime>,
     /// Time between fixes, s.
     pub interval_s: f64,
+    /// The antenna array whose elements the channels are, where it is known: directions need it, finding and
+    /// tracking do not.
+    pub array: Option<ArrayDescription>,
     /// What is done about impulsive noise, before anything else.
     pub suppression: Suppression,
     /// Integer factor by which the rate is lowered then.
@@ -59,6 +66,16 @@ pub enum ReceiverError {
     /// The search is impossible.
     #[error(transparent)]
     Acquisition(#[from] AcquisitionError),
+    /// The array is not that of the capture.
+    #[error(
+        "the array has {elements} elements, but the capture has {channels} channels: give an array with as many elements as channels"
+    )]
+    Array {
+        /// Elements of the array.
+        elements: usize,
+        /// Channels of the capture.
+        channels: usize,
+    },
 }
 
 /// What a run found.
@@ -78,6 +95,8 @@ pub struct Outcome {
     pub first_fix_s: Option<f64>,
     /// Samples read of each channel.
     pub samples: u64,
+    /// The satellites as an array sees them; absent with one channel.
+    pub sky: Option<ArraySky>,
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<ImpulseReport>,
     /// What a person should know.
@@ -92,13 +111,14 @@ pub fn acquire(
     options: &ReceiverOptions,
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options);
+    let mut input = Input::new(source, options)?;
     let mut head = input.head(seconds)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.truncate(wanted);
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
     acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
     outcome.noise = input.noise();
+    sky::judge(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -109,7 +129,7 @@ pub fn process(
     options: &ReceiverOptions,
     progress: &mut (dyn FnMut(u64) + Send),
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options);
+    let mut input = Input::new(source, options)?;
     let rate_hz = input.rate_hz();
     let head = input.head(HEAD_S)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
@@ -129,6 +149,7 @@ pub fn process(
         }
     }
     outcome.noise = input.noise();
+    sky::judge(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
