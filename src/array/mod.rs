@@ -10,11 +10,13 @@ pub mod dictionary;
 pub mod manifold;
 pub mod random_matrix;
 pub mod signature;
+mod sky;
 
 pub use beams::Beam;
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use manifold::{Bearing, Manifold, Point};
 pub use signature::{Arrival, Signature, arrival};
+pub use sky::{ArraySky, Prediction, SatelliteArrival};
 
 /// Dynamic complex matrix.
 pub type CMat = faer::Mat<num_complex::Complex64>;

@@ -2,9 +2,9 @@
 
 use super::find::{Found, Region, search};
 use super::input::Head;
-use super::{ArraySky, Outcome, ReceiverError, ReceiverOptions};
+use super::{Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Refined, Slip, find_slip, is_mirrored};
-use crate::array::Manifold;
+use crate::array::{ArraySky, Manifold};
 
 /// With fewer satellites than this a deeper search follows.
 const ENOUGH_SATELLITES: usize = 8;
@@ -49,7 +49,9 @@ pub(super) fn acquire_head(
     }
     outcome.acquisitions = found.iter().map(|f| f.refined).collect();
     let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
-    outcome.sky = ArraySky::new(&found, manifold.as_ref());
+    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
+    let signatures: Vec<_> = found.iter().filter_map(signature).collect();
+    outcome.sky = (!signatures.is_empty()).then(|| ArraySky::new(signatures, manifold.as_ref()));
     Ok(found)
 }
 

@@ -3,22 +3,20 @@
 mod find;
 mod head;
 mod input;
-mod sky;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+use crate::array::{ArraySky, Manifold};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
-use crate::gnss::antenna::ArrayDescription;
+use crate::gnss::antenna::{ArrayDescription, direction};
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
-use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
+use crate::positioning::{Fix, Residual, SnapshotOptions, solve_snapshot};
 use crate::tracking::TrackingOptions;
 use head::acquire_head;
 use input::Input;
 use tracker::track_all;
-
-pub use sky::{ArraySky, Prediction, SatelliteArrival};
 
 /// Signal that the first search and its refinement see, s.
 const HEAD_S: f64 = 1.0;
@@ -118,7 +116,7 @@ pub fn acquire(
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
     acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
     outcome.noise = input.noise();
-    sky::judge(&mut outcome, options);
+    judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -149,9 +147,20 @@ pub fn process(
         }
     }
     outcome.noise = input.noise();
-    sky::judge(&mut outcome, options);
+    judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
+}
+
+/// Compares the array's sky with the first fix, and warns.
+fn judge_sky(outcome: &mut Outcome, options: &ReceiverOptions) {
+    let Some(sky) = &mut outcome.sky else { return };
+    if let (Some(array), Some(fix)) = (&options.array, outcome.fixes.first()) {
+        let towards = |r: &Residual| (r.sv, direction(r.azimuth, r.elevation));
+        let expected: Vec<_> = fix.residuals.iter().map(towards).collect();
+        sky.predict(&Manifold::new(array.in_enu()), &expected);
+    }
+    outcome.warnings.extend(sky.warnings());
 }
 
 /// The fix of a snapshot.

@@ -60,6 +60,7 @@ impl Scene {
 
     pub fn run(&self) -> Run<'_> {
         Run {
+            sky: None,
             capture: "scene & co.bin",
             stream: &self.stream,
             acquisitions: &self.acquisitions,

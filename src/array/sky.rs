@@ -1,11 +1,8 @@
 //! What an antenna array says of each satellite: from where it comes, and whether it should.
 
-use super::find::Found;
-use super::{Outcome, ReceiverOptions};
-use crate::array::authenticity::{OneDirection, agrees, one_direction};
-use crate::array::{Arrival, Bearing, Manifold, Signature, arrival};
+use super::authenticity::{OneDirection, agrees, one_direction};
+use super::{Arrival, Bearing, Manifold, Signature, arrival};
 use crate::gnss::Sv;
-use crate::positioning::Residual;
 use nalgebra::{Unit, Vector3};
 
 /// What errors of attitude and elements may turn a direction by, in direction cosines (0.1 is 6 degrees at
@@ -46,41 +43,33 @@ pub struct ArraySky {
 }
 
 impl ArraySky {
-    /// From satellites found at the start; `None` with a single antenna.
-    pub(super) fn new(found: &[Found], manifold: Option<&Manifold>) -> Option<Self> {
-        let satellites: Vec<SatelliteArrival> = found
-            .iter()
-            .filter_map(|f| {
-                let (signature, _) = f.spatial.as_ref()?;
-                Some(SatelliteArrival {
-                    sv: f.refined.acquisition.sv,
-                    arrival: manifold.and_then(|m| arrival(m, signature)),
-                    signature: signature.clone(),
-                    predicted: None,
-                })
-            })
-            .collect();
-        let signatures: Vec<&Signature> = satellites.iter().map(|s| &s.signature).collect();
-        let one_direction = one_direction(&signatures);
-        (!satellites.is_empty()).then_some(Self { satellites, one_direction })
+    /// From the signatures of satellites, and where the array's geometry is known, its manifold.
+    pub fn new(signatures: Vec<(Sv, Signature)>, manifold: Option<&Manifold>) -> Self {
+        let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
+        let one_direction = one_direction(&references);
+        let seen = |(sv, signature): (Sv, Signature)| SatelliteArrival {
+            sv,
+            arrival: manifold.and_then(|m| arrival(m, &signature)),
+            signature,
+            predicted: None,
+        };
+        Self { satellites: signatures.into_iter().map(seen).collect(), one_direction }
     }
 
-    /// Compares directions with those of a fix.
-    fn predict(&mut self, manifold: &Manifold, residuals: &[Residual]) {
+    /// Compares the directions of satellites with where they should come from (unit vectors towards them, in
+    /// the frame of the manifold's elements).
+    pub fn predict(&mut self, manifold: &Manifold, expected: &[(Sv, Unit<Vector3<f64>>)]) {
         for satellite in &mut self.satellites {
-            let known = residuals.iter().find(|r| r.sv == satellite.sv);
-            let (Some(residual), Some(arrival)) = (known, &satellite.arrival) else { continue };
-            let (sin, cos) = residual.elevation.sin_cos();
-            let (east, north) = residual.azimuth.sin_cos();
-            let towards = Unit::new_normalize(Vector3::new(cos * east, cos * north, sin));
-            let (apart, agrees) = agrees(manifold, arrival, &towards, TOLERANCE);
-            let bearing = manifold.bearing(manifold.point(&towards));
+            let known = expected.iter().find(|e| e.0 == satellite.sv);
+            let (Some((_, towards)), Some(arrival)) = (known, &satellite.arrival) else { continue };
+            let (apart, agrees) = agrees(manifold, arrival, towards, TOLERANCE);
+            let bearing = manifold.bearing(manifold.point(towards));
             satellite.predicted = Some(Prediction { bearing, apart, agrees });
         }
     }
 
     /// What of it a person should be warned of.
-    fn warnings(&self) -> Vec<String> {
+    pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(OneDirection { apart, is_one: true, .. }) = self.one_direction {
             warnings.push(format!(
@@ -110,14 +99,4 @@ impl ArraySky {
         }
         warnings
     }
-}
-
-/// Compares the array's sky with the first fix, and warns.
-pub(super) fn judge(outcome: &mut Outcome, options: &ReceiverOptions) {
-    let Some(mut sky) = outcome.sky.take() else { return };
-    if let (Some(array), Some(fix)) = (&options.array, outcome.fixes.first()) {
-        sky.predict(&Manifold::new(array.in_enu()), &fix.residuals);
-    }
-    outcome.warnings.extend(sky.warnings());
-    outcome.sky = Some(sky);
 }
