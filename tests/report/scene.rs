@@ -61,6 +61,7 @@ impl Scene {
     pub fn run(&self) -> Run<'_> {
         Run {
             sky: None,
+            noise: None,
             capture: "scene & co.bin",
             stream: &self.stream,
             acquisitions: &self.acquisitions,
