@@ -78,11 +78,13 @@ impl FromStr for Suppression {
     /// `auto`, `off`, `optimal`, `blank` (2.5), `clip` (1), `blank:2`, `clip:1.5`, `sign`.
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, threshold) = text.split_once(':').unwrap_or((text, ""));
-        let threshold = |otherwise: f64| match threshold {
+        let threshold = |otherwise: f64| {
+            match threshold {
             "" => Ok(otherwise),
             text => text.parse().ok().filter(|t| (0.1..=100.0).contains(t)).ok_or(format!(
                 "'{text}' is no threshold: it must be 0.1 to 100 standard deviations of the background"
             )),
+        }
         };
         match name {
             "blank" => Ok(Self::Blank(threshold(2.5)?)),
@@ -152,8 +154,12 @@ struct Sums {
 impl ImpulseSuppressor {
     /// A suppressor of a stream's samples.
     pub fn new(suppression: Suppression, info: &StreamInfo) -> Self {
-        let channel =
-            Channel { scale: 1.0, law: None, weights: Box::new([1.0; BINS]), sums: Sums::default() };
+        let channel = Channel {
+            scale: 1.0,
+            law: None,
+            weights: Box::new([1.0; BINS]),
+            sums: Sums::default(),
+        };
         Self {
             suppression,
             real: info.real,

@@ -11,7 +11,7 @@ use std::ops::Range;
 /// Bins per octave of power, as a power of two.
 const BITS: u32 = 4;
 /// Bins of power: the 8 bits of the exponent of a single-precision number and `BITS` of its fraction.
-pub(super) const BINS: usize = 1 << (8 + BITS);
+pub(crate) const BINS: usize = 1 << (8 + BITS);
 
 /// Greatest number of rounds of the fit; from each start first so many.
 const ROUNDS: usize = 100;
@@ -20,21 +20,16 @@ const FIRST_ROUNDS: usize = 8;
 const SETTLED: f64 = 1e-5;
 
 /// Starts of the fit: share, and both variances over what the median power says of a single Gaussian.
-const STARTS: [[f64; 3]; 5] = [
-    [0.1, 1.0, 10.0],
-    [0.1, 1.0, 100.0],
-    [0.05, 1.0, 1e3],
-    [0.02, 1.0, 1e4],
-    [0.8, 0.03, 1.0],
-];
+const STARTS: [[f64; 3]; 5] =
+    [[0.1, 1.0, 10.0], [0.1, 1.0, 100.0], [0.05, 1.0, 1e3], [0.02, 1.0, 1e4], [0.8, 0.03, 1.0]];
 
 /// Number of the bin of a power: of zero the first, of what is not finite the last octave.
-pub(super) fn bin(power: f32) -> usize {
+pub(crate) fn bin(power: f32) -> usize {
     (power.to_bits() >> (23 - BITS)) as usize & (BINS - 1)
 }
 
 /// The power in the middle of a bin; `None` of the last octave.
-pub(super) fn middle(bin: usize) -> Option<f64> {
+pub(crate) fn middle(bin: usize) -> Option<f64> {
     let power = f32::from_bits(((2 * bin + 1) as u32) << (22 - BITS));
     power.is_finite().then_some(f64::from(power))
 }
@@ -275,7 +270,8 @@ mod tests {
             let mut part = |share: f64| {
                 converter((variance * share).sqrt() * rng.sample::<f64, _>(StandardNormal))
             };
-            let power = if law.real { part(1.0).powi(2) } else { part(0.5).powi(2) + part(0.5).powi(2) };
+            let power =
+                if law.real { part(1.0).powi(2) } else { part(0.5).powi(2) + part(0.5).powi(2) };
             powers.add(power as f32);
         }
         powers
@@ -284,7 +280,9 @@ mod tests {
     #[test]
     fn the_fit_finds_the_law_that_made_the_samples() {
         for real in [false, true] {
-            for (share, ratio) in [(0.1, 50.0), (0.1, 1000.0), (0.01, 1e4), (0.3, 50.0), (0.7, 300.0)] {
+            for (share, ratio) in
+                [(0.1, 50.0), (0.1, 1000.0), (0.01, 1e4), (0.3, 50.0), (0.7, 300.0)]
+            {
                 let (n, level) = (100_000, 3e-12);
                 let law = Mixture { share, background: level, impulse: ratio * level, real };
                 let fit = Mixture::fit(&powers(law, n, 5, |x| x), real).unwrap();
@@ -293,7 +291,10 @@ mod tests {
                 // adds nothing of note.
                 let wide = 10.0 * if real { 2f64.sqrt() } else { 1.0 };
                 let (n1, n2) = ((1.0 - share) * n as f64, share * n as f64);
-                assert!((fit.background / law.background - 1.0).abs() < wide / n1.sqrt(), "{fit:?}");
+                assert!(
+                    (fit.background / law.background - 1.0).abs() < wide / n1.sqrt(),
+                    "{fit:?}"
+                );
                 assert!((fit.impulse / law.impulse - 1.0).abs() < wide / n2.sqrt(), "{fit:?}");
                 assert!((fit.share / share - 1.0).abs() < wide / n2.sqrt(), "{fit:?}");
             }
@@ -309,7 +310,11 @@ mod tests {
                 let law = Mixture::gaussian(rms * rms * if real { 1.0 } else { 2.0 }, real);
                 for seed in 0..5 {
                     let quantised = powers(law, 30_000, seed, |x| x.round().clamp(-limit, limit));
-                    assert!(quantised.excess(real) < 4.5, "{real} {rms}: {}", quantised.excess(real));
+                    assert!(
+                        quantised.excess(real) < 4.5,
+                        "{real} {rms}: {}",
+                        quantised.excess(real)
+                    );
                 }
             }
         }
@@ -324,7 +329,10 @@ mod tests {
             let fit = Mixture::fit(&clipped, real).unwrap();
             // Clipping takes power from impulses alone; three standard deviations of the share (1.7 %).
             assert!((fit.background / 32.0 - 1.0).abs() < 0.05, "{fit:?}");
-            assert!((fit.share / 0.1 - 1.0).abs() < 0.1 && fit.impulse > 100.0 * fit.background, "{fit:?}");
+            assert!(
+                (fit.share / 0.1 - 1.0).abs() < 0.1 && fit.impulse > 100.0 * fit.background,
+                "{fit:?}"
+            );
         }
     }
 

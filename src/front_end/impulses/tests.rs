@@ -74,7 +74,9 @@ fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) ->
     let mean = |f: &dyn Fn(usize) -> f64| (0..LEN).map(f).sum::<f64>() / LEN as f64;
     let level = f64::from(level);
     let gain = mean(&|k| f64::from(after[k].re * sign(k)) / level) / f64::from(AMPLITUDE);
-    let power = mean(&|k| (f64::from(after[k].re).powi(2) + f64::from(after[k].im).powi(2)) / level / level);
+    let power = mean(&|k| {
+        (f64::from(after[k].re).powi(2) + f64::from(after[k].im).powi(2)) / level / level
+    });
     let noise = power - (gain * f64::from(AMPLITUDE)).powi(2);
     (-10.0 * (gain * gain / noise).log10(), gain)
 }
