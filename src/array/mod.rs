@@ -5,8 +5,10 @@
 
 pub mod authenticity;
 pub mod beams;
+pub mod code_period_svd;
 pub mod covariance;
 pub mod dictionary;
+pub mod interference;
 pub mod manifold;
 pub mod random_matrix;
 pub mod signature;
