@@ -3,11 +3,19 @@
 //! Nothing here knows of files, codes' bits or positions. Matrices are `faer` matrices; a column is a
 //! snapshot (the samples of all elements at one instant) unless said otherwise.
 
+mod admm_kernel;
 pub mod dictionary;
+pub mod l1_admm;
+mod lanes;
+mod lda_kernel;
+pub mod lda_l11;
 pub mod manifold;
+pub mod random;
+pub mod sparse;
 
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use manifold::{Bearing, Manifold, Point};
+pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
 
 /// Dynamic complex matrix.
 pub type CMat = faer::Mat<num_complex::Complex64>;
