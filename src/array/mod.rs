@@ -13,12 +13,22 @@ pub mod manifold;
 pub mod random_matrix;
 pub mod signature;
 mod sky;
+mod admm_kernel;
+pub mod dictionary;
+pub mod l1_admm;
+mod lanes;
+mod lda_kernel;
+pub mod lda_l11;
+pub mod manifold;
+pub mod random;
+pub mod sparse;
 
 pub use beams::Beam;
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use manifold::{Bearing, Manifold, Point};
 pub use signature::{Arrival, Signature, arrival};
 pub use sky::{ArraySky, Prediction, SatelliteArrival};
+pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
 
 /// Dynamic complex matrix.
 pub type CMat = faer::Mat<num_complex::Complex64>;
