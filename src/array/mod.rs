@@ -24,11 +24,22 @@ pub mod random;
 pub mod sparse;
 
 pub use beams::Beam;
+pub mod crb;
+pub mod dictionary;
+pub mod jane;
+pub mod manifold;
+mod robust_fit;
+pub mod row_rule;
+pub mod scan;
+
+pub use crb::cramer_rao;
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
+pub use jane::{Decision, Jane, JaneError, JaneOptions, Source};
 pub use manifold::{Bearing, Manifold, Point};
 pub use signature::{Arrival, Signature, arrival};
 pub use sky::{ArraySky, Prediction, SatelliteArrival};
 pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
+pub use row_rule::{Group, row_noise, row_rule};
 
 /// Dynamic complex matrix.
 pub type CMat = faer::Mat<num_complex::Complex64>;
