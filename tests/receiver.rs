@@ -4,6 +4,8 @@
 #[path = "receiver/brute_force.rs"]
 mod brute_force;
 mod common;
+#[path = "receiver/impulses.rs"]
+mod impulses;
 #[path = "receiver/mistakes.rs"]
 mod mistakes;
 #[path = "receiver/navigation_fix.rs"]
@@ -26,6 +28,7 @@ fn main() {
         snapshots::trials(),
         mistakes::trials(),
         scenarios::trials(),
+        impulses::trials(),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();
 }
