@@ -7,12 +7,14 @@
 pub mod carrier;
 mod consistency;
 mod cross_correlation;
+mod despread;
 mod refine;
 mod search;
 pub mod statistics;
 
 pub use consistency::{Slip, find_slip, is_mirrored};
 pub use cross_correlation::remove_shadows;
+pub use despread::despread;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 

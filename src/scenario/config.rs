@@ -6,6 +6,7 @@ use super::front_end::FrontEndSettings;
 use super::noise::GaussianMixture;
 use super::receiver::{MAX_ACCELERATION, Motion, Receiver};
 use super::values;
+use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::atmosphere::{Klobuchar, Troposphere};
 use crate::gnss::{GpsTime, Sv};
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,9 @@ pub struct Scenario {
     /// Noise.
     #[serde(default)]
     pub noise: Noise,
+    /// Antenna array, a channel for each element; absent: one antenna.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<ArrayDescription>,
     /// Front end.
     pub front_end: FrontEndSettings,
 }

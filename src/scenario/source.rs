@@ -5,6 +5,7 @@ use super::noise::NoiseSource;
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
+use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::constants::{
     CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH, SPEED_OF_LIGHT,
 };
@@ -94,6 +95,7 @@ impl ScenarioSource {
                 samples: Some(samples),
                 start_time: Some(scenario.start),
                 format: scenario.front_end.format().to_owned(),
+                array: scenario.array.as_ref().map(ArrayDescription::without_errors),
             },
             scenario: scenario.clone(),
             emitters,
