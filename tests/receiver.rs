@@ -6,6 +6,8 @@ mod array;
 #[path = "receiver/brute_force.rs"]
 mod brute_force;
 mod common;
+#[path = "receiver/impulses.rs"]
+mod impulses;
 #[path = "receiver/mistakes.rs"]
 mod mistakes;
 #[path = "receiver/navigation_fix.rs"]
@@ -28,7 +30,11 @@ fn main() {
         snapshots::trials(),
         mistakes::trials(),
         scenarios::trials(),
+<<<<<<< HEAD
         array::trials(),
+=======
+        impulses::trials(),
+>>>>>>> supp
     ];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();
 }

@@ -55,6 +55,22 @@ pub struct ReceiverOptions {
     pub decimation: usize,
 }
 
+impl Default for ReceiverOptions {
+    /// A cold start: the defaults of all stages, nothing known, a fix each second.
+    fn default() -> Self {
+        Self {
+            search: SearchOptions::default(),
+            tracking: TrackingOptions::default(),
+            positioning: SnapshotOptions::default(),
+            navigation: NavigationData::default(),
+            time: None,
+            interval_s: 1.0,
+            suppression: Suppression::default(),
+            decimation: 1,
+        }
+    }
+}
+
 /// Why a run ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum ReceiverError {
