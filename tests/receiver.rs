@@ -30,11 +30,8 @@ fn main() {
         snapshots::trials(),
         mistakes::trials(),
         scenarios::trials(),
-<<<<<<< HEAD
         array::trials(),
-=======
         impulses::trials(),
->>>>>>> supp
     ];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();
 }
