@@ -6,6 +6,7 @@
 pub mod crb;
 pub mod dictionary;
 pub mod jane;
+mod jane_cov;
 pub mod manifold;
 mod robust_fit;
 pub mod row_rule;
