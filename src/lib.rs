@@ -33,6 +33,8 @@
 //!
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
 //!
+//! **[`experiment`]** makes figures and tables of papers again, with a verdict for each claim.
+//!
 //! **[`gnss`]** lies beneath all floors: constants, time, coordinates, orbits, codes, navigation files.
 //! **[`receiver`]** wires the stages in this order and holds nothing else; **[`advice`]** names a
 //! newcomer's likely mistake when nothing is found.
@@ -80,6 +82,7 @@ pub mod advice;
 pub mod array;
 pub mod capture;
 pub mod correlator;
+pub mod experiment;
 pub mod front_end;
 pub mod gnss;
 pub mod navigation;

@@ -66,6 +66,7 @@ impl Printed<'_> {
             capture: &names.join(" "),
             stream: &stream,
             acquisitions: &acquisitions,
+            sky: self.outcome.sky.as_ref(),
             epochs: &self.outcome.epochs,
             fixes: &self.outcome.fixes,
             navigation: &self.outcome.navigation,
@@ -82,6 +83,10 @@ impl Printed<'_> {
 fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
     let mut text = report::acquisition_table(run.acquisitions);
     text += &report::noise_line(run);
+    if let Some(sky) = run.sky {
+        text += "\n";
+        text += &report::array_sky_table(sky);
+    }
     if fixes {
         text += "\n";
         text += &report::fix_table(run);

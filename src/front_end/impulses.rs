@@ -309,7 +309,8 @@ fn scale(samples: impl Iterator<Item = Complex32>) -> Option<f32> {
 fn tabulate(map: Map, law: &Mixture, weights: &mut [f32; BINS]) {
     let Effect { signal, .. } = map.effect(law);
     for (k, weight) in weights.iter_mut().enumerate() {
-        *weight = middle(k).map_or(0.0, |power| (map.weight(law, power) / signal) as f32);
+        let power = middle(k);
+        *weight = if power.is_finite() { (map.weight(law, power) / signal) as f32 } else { 0.0 };
     }
 }
 

@@ -6,7 +6,6 @@
 //! histogram of powers, so that its cost does not grow with the number of samples.
 
 use num_complex::Complex32;
-use std::ops::Range;
 
 /// Bins per octave of power, as a power of two.
 const BITS: u32 = 4;
@@ -28,10 +27,9 @@ pub(crate) fn bin(power: f32) -> usize {
     (power.to_bits() >> (23 - BITS)) as usize & (BINS - 1)
 }
 
-/// The power in the middle of a bin; `None` of the last octave.
-pub(crate) fn middle(bin: usize) -> Option<f64> {
-    let power = f32::from_bits(((2 * bin + 1) as u32) << (22 - BITS));
-    power.is_finite().then_some(f64::from(power))
+/// The power in the middle of a bin; NaN of the last octave.
+pub(crate) fn middle(bin: usize) -> f64 {
+    f64::from(f32::from_bits(((2 * bin + 1) as u32) << (22 - BITS)))
 }
 
 /// Powers |z|^2 of samples, counted in sixteenths of an octave.
@@ -52,9 +50,9 @@ impl PowerHistogram {
         self.counts.fill(0);
     }
 
-    /// Counts one power; zero and what is not finite are not counted.
+    /// Counts one power; what is not finite is not counted.
     pub fn add(&mut self, power: f32) {
-        self.counts[bin(power)] += u32::from(power > 0.0 && power.is_finite());
+        self.counts[bin(power)] += 1;
     }
 
     /// Counts the powers of samples times `scale`.
@@ -63,17 +61,19 @@ impl PowerHistogram {
     }
 
     /// Mean power of each bin that is not empty, and its count.
+    ///
+    /// Zeros are values of a converter, or samples that were lost. Of a converter there are about as many as
+    /// of the least power beside them, and they stand for a fraction of it; more are not counted.
     fn cells(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let Range { start, end } = self.filled();
-        let cell = move |(k, &n): (usize, &u32)| Some((middle(start + k)?, f64::from(n)));
-        self.counts[start..end].iter().enumerate().filter(|(_, n)| **n > 0).filter_map(cell)
-    }
-
-    /// From the first bin that is not empty to the last.
-    fn filled(&self) -> Range<usize> {
-        let start = self.counts.iter().position(|&n| n > 0).unwrap_or(0);
-        let end = self.counts.iter().rposition(|&n| n > 0).map_or(0, |last| last + 1);
-        start..end
+        let finite = &self.counts[..BINS - (1 << BITS)];
+        let filled = |n: &u32| *n > 0;
+        let start = finite[1..].iter().position(filled).map_or(BINS, |k| k + 1).min(finite.len());
+        let end = finite.iter().rposition(filled).map_or(0, |last| last + 1).max(start);
+        let least = finite.get(start).copied().unwrap_or(0).min(finite[0]);
+        let zeros = (middle(start) / 4.0, f64::from(least));
+        let cell = move |(k, &n): (usize, &u32)| (middle(start + k), f64::from(n));
+        let others = finite[start..end].iter().enumerate().map(cell);
+        std::iter::once(zeros).chain(others).filter(|c| c.1 > 0.0)
     }
 
     /// Powers counted.
@@ -257,6 +257,7 @@ impl Mixture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::front_end::{Effect, Map};
     use rand::{RngExt, SeedableRng};
     use rand_distr::StandardNormal;
 
@@ -327,12 +328,11 @@ mod tests {
             let clipped = powers(law, 30_000, 1, |x| x.round().clamp(-127.0, 127.0));
             assert!(clipped.excess(real) > 100.0);
             let fit = Mixture::fit(&clipped, real).unwrap();
-            // Clipping takes power from impulses alone; three standard deviations of the share (1.7 %).
-            assert!((fit.background / 32.0 - 1.0).abs() < 0.05, "{fit:?}");
-            assert!(
-                (fit.share / 0.1 - 1.0).abs() < 0.1 && fit.impulse > 100.0 * fit.background,
-                "{fit:?}"
-            );
+            // Clipped impulses seem more and weaker than they are, and so take little from the background;
+            // what the map fitted to them loses beside the best one is what counts: 0.05 dB.
+            let effect = Effect::of(&law, 1.0, |power| 32.0 * fit.inverse_variance(power));
+            let loss_db = effect.loss_db() - Map::Optimal.loss_db(&law);
+            assert!(loss_db < 0.05, "{fit:?}: {loss_db} dB");
         }
     }
 

@@ -1,6 +1,7 @@
 //! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
 
 use super::Run;
+use super::array_sky::ArraySkyRecord;
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
@@ -22,6 +23,8 @@ pub struct Document {
     capture: Capture,
     #[serde(skip_serializing_if = "Option::is_none")]
     noise: Option<ImpulseReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sky: Option<ArraySkyRecord>,
     acquisitions: Vec<AcquisitionRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_fix_s: Option<f64>,
@@ -110,6 +113,7 @@ impl Document {
             seed: run.seed,
             capture: Capture::new(run.capture, run.stream),
             noise: run.noise.cloned(),
+            sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(FixRecord::new).collect(),

@@ -4,6 +4,7 @@
 //! into a folder, each file whole or not at all. The same results give the same bytes: no report holds
 //! the time of its own making.
 
+mod array_sky;
 mod files;
 mod geojson;
 mod html;
@@ -16,6 +17,7 @@ mod summary;
 mod svg;
 mod table;
 
+pub use array_sky::array_sky_table;
 pub use files::{OutputDir, ReportError, write_all, write_atomically};
 pub use geojson::geojson;
 pub use html::html;
@@ -29,6 +31,7 @@ pub use svg::{east_north_plot, height_plot, sky_plot};
 pub use table::{acquisition_table, fix_table, noise_line, sky_text};
 
 use crate::acquisition::Acquisition;
+use crate::array::ArraySky;
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
@@ -44,6 +47,8 @@ pub struct Run<'a> {
     pub stream: &'a StreamInfo,
     /// Satellites found.
     pub acquisitions: &'a [Acquisition],
+    /// The satellites as an array sees them.
+    pub sky: Option<&'a ArraySky>,
     /// Measurements, in order of time.
     pub epochs: &'a [ObservationEpoch],
     /// Positions, in order of time.

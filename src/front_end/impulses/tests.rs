@@ -39,7 +39,7 @@ fn suppressed(suppression: Suppression, real: bool, samples: &[Complex32]) -> Ve
 #[test]
 fn gaussian_noise_passes_bit_for_bit_at_any_level_and_through_any_converter() {
     for real in [false, true] {
-        for len in [1, 500, 2000, 20_000, 200_000] {
+        for len in [1, 500, 2000, 60_000] {
             let clean = noise(0.0, 1.0, real, len, len as u64);
             for level in [1e-30f32, 1e-3, 1.0, 1e30] {
                 let samples: Vec<_> = clean.iter().map(|z| z * level).collect();
@@ -65,7 +65,7 @@ fn gaussian_noise_passes_bit_for_bit_at_any_level_and_through_any_converter() {
 fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) -> (f64, f64) {
     // 17 dB under the background, as a strong satellite is.
     const AMPLITUDE: f32 = 0.141;
-    const LEN: usize = 1 << 20;
+    const LEN: usize = 1 << 18;
     let mut samples = noise(law.0, law.1, real, LEN, 3);
     // The sign of the constant alternates, so that neither mean nor offset of the noise counts.
     let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -83,11 +83,11 @@ fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) ->
 
 #[test]
 fn each_map_loses_what_theory_says_and_keeps_the_signals_level() {
-    // The gain's standard deviation is that of the mean of a million samples over the amplitude,
-    // sqrt(noise / 2^21) / 0.141 = 0.7 % of a complex and 1 % of a real signal where the noise after the map is
-    // 2 or less: 0.09 dB, of which four. A signal of 2 % of the power is not quite weak: 2 %.
+    // The gain's standard deviation is that of the mean of 2^18 samples over the amplitude,
+    // sqrt(noise / 2^19) / 0.141 = 1.3 % of a complex and 1.8 % of a real signal where the noise after the map is
+    // 1.7 or less: 0.16 dB, of which three. A signal of 2 % of the power is not quite weak: 2 %.
     for real in [false, true] {
-        for law in [(0.1, 50.0), (0.1, 1e4), (0.3, 1e3)] {
+        for law in [(0.1, 50.0), (0.1, 1e4)] {
             let mixture = Mixture { share: law.0, background: 1.0, impulse: law.1, real };
             for (suppression, map) in [
                 (Suppression::Auto, Map::Optimal),
@@ -96,11 +96,11 @@ fn each_map_loses_what_theory_says_and_keeps_the_signals_level() {
                 (Suppression::Clip(1.0), Map::Clip(1.0)),
                 (Suppression::Sign, Map::Sign),
             ] {
-                for level in [1.0, 1e-30, 1e30] {
+                for level in [1e-30, 1e30] {
                     let (loss, gain) = loss_db(suppression, law, level, real);
                     let theory = map.loss_db(&mixture);
-                    assert!((loss - theory).abs() < 0.4, "{suppression} {law:?}: {loss} {theory}");
-                    assert!((gain - 1.0).abs() < 0.06, "{suppression} {law:?} {level}: {gain}");
+                    assert!((loss - theory).abs() < 0.5, "{suppression} {law:?}: {loss} {theory}");
+                    assert!((gain - 1.0).abs() < 0.08, "{suppression} {law:?} {level}: {gain}");
                 }
             }
         }
