@@ -9,8 +9,12 @@ use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {
     vec![
-        data_trial("independent simulator: satellites from the code periods of 20 ms", |d| shows(d, 20)),
-        data_trial("independent simulator: satellites from the code periods of 100 ms", |d| shows(d, 100)),
+        data_trial("independent simulator: satellites from the code periods of 20 ms", |d| {
+            shows(d, 20)
+        }),
+        data_trial("independent simulator: satellites from the code periods of 100 ms", |d| {
+            shows(d, 100)
+        }),
     ]
 }
 
@@ -35,7 +39,10 @@ fn shows(data: &Path, ms: usize) -> Result<(), Failed> {
     let truth: Value = serde_json::from_str(&text)?;
     let truth = truth["satellites"].as_object().ok_or("the truth lists no satellites")?;
     let look = look(data, ms)?;
-    println!("rank {}, transforms {} of {}", look.svd.division.rank, look.transforms, look.full_search_transforms);
+    println!(
+        "rank {}, transforms {} of {}",
+        look.svd.division.rank, look.transforms, look.full_search_transforms
+    );
     let mut errors = Vec::new();
     for found in &look.found {
         let a = &found.acquisition;
@@ -44,9 +51,13 @@ fn shows(data: &Path, ms: usize) -> Result<(), Failed> {
             continue;
         };
         let number = |key: &str| sky[key].as_f64().unwrap_or(f64::NAN);
-        let chips = (a.code_phase_chips - number("code_phase_chips") + 511.5).rem_euclid(1023.0) - 511.5;
+        let chips =
+            (a.code_phase_chips - number("code_phase_chips") + 511.5).rem_euclid(1023.0) - 511.5;
         let hertz = a.doppler_hz - number("doppler_hz");
-        println!("{} share {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz", a.sv, found.share, chips, hertz, a.cn0_dbhz);
+        println!(
+            "{} share {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz",
+            a.sv, found.share, chips, hertz, a.cn0_dbhz
+        );
         // Half a bin (a quarter of a chip), and half the inverse of a data bit.
         if !(chips.abs() < 0.25 && hertz.abs() < 25.0) {
             errors.push(format!("{}: {chips} chips, {hertz} Hz off", a.sv));
