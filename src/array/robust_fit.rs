@@ -100,8 +100,7 @@ impl<'a> RobustFit<'a> {
     pub fn retain(&mut self, keep: &[bool]) {
         let kept: Vec<usize> = (0..keep.len()).filter(|&q| keep[q]).collect();
         self.points = kept.iter().map(|&q| self.points[q]).collect();
-        self.signals =
-            CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
+        self.signals = CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
     }
 
     /// The law of the noise anew, from the residual alone.
@@ -253,8 +252,7 @@ impl<'a> RobustFit<'a> {
         let mut force = DVector::zeros(coordinates);
         for (n, block) in blocks.chunks_exact_mut(block_length(sources, coordinates)).enumerate() {
             let grams = grams.col_as_slice(n);
-            let gram =
-                |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
+            let gram = |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
             let slope = slopes.col_as_slice(n);
             let (factor, rest) = block.split_at_mut(sources * sources);
             for i in 0..sources {
