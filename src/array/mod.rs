@@ -12,6 +12,7 @@ pub mod crb;
 pub mod dictionary;
 pub mod interference;
 pub mod jane;
+mod jane_cov;
 pub mod l1_admm;
 mod lanes;
 mod lda_kernel;
