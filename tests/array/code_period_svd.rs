@@ -26,6 +26,7 @@ pub fn mapped(mut block: Block) -> Block {
         samples: None,
         start_time: None,
         format: String::new(),
+        array: None,
     };
     ImpulseSuppressor::new(Suppression::Optimal, &info).process(&mut block);
     block
