@@ -1,7 +1,6 @@
 //! The iteration of the splitting of [`l1_admm`](super::l1_admm) on a block of sixteen snapshots.
 
-use super::lanes::{LANES, Lane, Packed};
-use multiversion::multiversion;
+use super::lanes::{LANES, Lane, Packed, Sweep, dispatch};
 
 /// What all blocks share: the dictionary as U S V^H, and the parameters.
 pub struct Kernel<'a> {
@@ -51,68 +50,60 @@ impl Kernel<'_> {
     /// So many iterations. With `kept`, the factor that each row of W is given in place of the shrinkage of
     /// each of its entries: then one iteration at a time.
     pub fn iterate(&self, block: &mut Block, count: usize, kept: Option<&[f32]>) {
-        iterate(self, block, count, kept);
+        dispatch(Iterations { kernel: self, block, count, kept });
     }
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512vl+avx512dq+avx2+fma",
-    "x86_64+avx2+fma",
-    "aarch64+neon"
-))]
-fn iterate(kernel: &Kernel, block: &mut Block, count: usize, kept: Option<&[f32]>) {
-    use multiversion::target::target_cfg_f;
-    if target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64")) {
-        sweep::<true>(kernel, block, count, kept);
-    } else {
-        sweep::<false>(kernel, block, count, kept);
-    }
-}
-
-#[inline(always)]
-fn sweep<const FUSED: bool>(
-    kernel: &Kernel,
-    block: &mut Block,
+struct Iterations<'a> {
+    kernel: &'a Kernel<'a>,
+    block: &'a mut Block,
     count: usize,
-    kept: Option<&[f32]>,
-) {
-    let Kernel { v_adjoint, v: right, u_adjoint, u: left, s, shrink_x, shrink_r, relax } = kernel;
-    let Block { y, w, v, a, d, p, q } = block;
-    for _ in 0..count {
-        // a = 2 X - W,  d = Y - 2 R + V
-        for (row, (a, w)) in a.iter_mut().zip(w.iter()).enumerate() {
-            *a = match kept {
-                Some(kept) => w.mix(2.0 * kept[row] - 1.0, w, 0.0),
-                None => w.shrunk(*shrink_x).mix(2.0, w, -1.0),
-            };
-        }
-        for ((d, v), y) in d.iter_mut().zip(v.iter()).zip(y.iter()) {
-            let r = v.shrunk(*shrink_r);
-            for k in 0..LANES {
-                d.re[k] = y.re[k] + v.re[k] - 2.0 * r.re[k];
-                d.im[k] = y.im[k] + v.im[k] - 2.0 * r.im[k];
+    kept: Option<&'a [f32]>,
+}
+
+impl Sweep for Iterations<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool, const WIDTH: usize>(self) {
+        let Self { kernel, block, count, kept } = self;
+        let Kernel { v_adjoint, v: right, u_adjoint, u: left, s, shrink_x, shrink_r, relax } =
+            kernel;
+        let Block { y, w, v, a, d, p, q } = block;
+        for _ in 0..count {
+            // a = 2 X - W,  d = Y - 2 R + V
+            for (row, (a, w)) in a.iter_mut().zip(w.iter()).enumerate() {
+                *a = match kept {
+                    Some(kept) => w.mix(2.0 * kept[row] - 1.0, w, 0.0),
+                    None => w.shrunk(*shrink_x).mix(2.0, w, -1.0),
+                };
             }
-        }
-        v_adjoint.product::<FUSED>(a, |i, z| p[i] = *z);
-        u_adjoint.product::<FUSED>(d, |i, z| q[i] = *z);
-        for ((p, q), s) in p.iter_mut().zip(q.iter_mut()).zip(*s) {
-            let c = s / (1.0 + s * s);
-            let (alpha, beta) = (p.mix(-s * c, q, c), p.mix(c, q, c * s));
-            (*p, *q) = (alpha, beta);
-        }
-        // W += relax (u - X) with u = a + V alpha, X = (a + W) / 2
-        right.product::<FUSED>(p, |i, z| {
-            for k in 0..LANES {
-                w[i].re[k] += relax * (0.5 * (a[i].re[k] - w[i].re[k]) + z.re[k]);
-                w[i].im[k] += relax * (0.5 * (a[i].im[k] - w[i].im[k]) + z.im[k]);
+            for ((d, v), y) in d.iter_mut().zip(v.iter()).zip(y.iter()) {
+                let r = v.shrunk(*shrink_r);
+                for k in 0..LANES {
+                    d.re[k] = y.re[k] + v.re[k] - 2.0 * r.re[k];
+                    d.im[k] = y.im[k] + v.im[k] - 2.0 * r.im[k];
+                }
             }
-        });
-        // V += relax (Y - A u - R) with A u = U beta, R = (Y + V - d) / 2
-        left.product::<FUSED>(q, |i, z| {
-            for k in 0..LANES {
-                v[i].re[k] += relax * (0.5 * (y[i].re[k] + d[i].re[k] - v[i].re[k]) - z.re[k]);
-                v[i].im[k] += relax * (0.5 * (y[i].im[k] + d[i].im[k] - v[i].im[k]) - z.im[k]);
+            v_adjoint.product::<FUSED, WIDTH>(a, |i, z| p[i] = *z);
+            u_adjoint.product::<FUSED, WIDTH>(d, |i, z| q[i] = *z);
+            for ((p, q), s) in p.iter_mut().zip(q.iter_mut()).zip(*s) {
+                let c = s / (1.0 + s * s);
+                let (alpha, beta) = (p.mix(-s * c, q, c), p.mix(c, q, c * s));
+                (*p, *q) = (alpha, beta);
             }
-        });
+            // W += relax (u - X) with u = a + V alpha, X = (a + W) / 2
+            right.product::<FUSED, WIDTH>(p, |i, z| {
+                for k in 0..LANES {
+                    w[i].re[k] += relax * (0.5 * (a[i].re[k] - w[i].re[k]) + z.re[k]);
+                    w[i].im[k] += relax * (0.5 * (a[i].im[k] - w[i].im[k]) + z.im[k]);
+                }
+            });
+            // V += relax (Y - A u - R) with A u = U beta, R = (Y + V - d) / 2
+            left.product::<FUSED, WIDTH>(q, |i, z| {
+                for k in 0..LANES {
+                    v[i].re[k] += relax * (0.5 * (y[i].re[k] + d[i].re[k] - v[i].re[k]) - z.re[k]);
+                    v[i].im[k] += relax * (0.5 * (y[i].im[k] + d[i].im[k] - v[i].im[k]) - z.im[k]);
+                }
+            });
+        }
     }
 }

@@ -1,8 +1,7 @@
 //! The iteration of LDA-l1,1 on a block of sixteen snapshots.
 
 use super::CMat;
-use super::lanes::{LANES, Lane, Packed, inverse_root};
-use multiversion::multiversion;
+use super::lanes::{LANES, Lane, Packed, Sweep, dispatch, inverse_root};
 
 /// What all blocks share.
 pub struct Kernel {
@@ -37,40 +36,34 @@ impl Kernel {
 
     /// One iteration for each of these steps s_k.
     pub fn iterate(&self, block: &mut Block, steps: &[f32]) {
-        iterate(self, block, steps);
+        dispatch(Iterations { kernel: self, block, steps });
     }
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512vl+avx512dq+avx2+fma",
-    "x86_64+avx2+fma",
-    "aarch64+neon"
-))]
-fn iterate(kernel: &Kernel, block: &mut Block, steps: &[f32]) {
-    use multiversion::target::target_cfg_f;
-    if target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64")) {
-        sweep::<true>(kernel, block, steps);
-    } else {
-        sweep::<false>(kernel, block, steps);
-    }
+struct Iterations<'a> {
+    kernel: &'a Kernel,
+    block: &'a mut Block,
+    steps: &'a [f32],
 }
 
-#[inline(always)]
-fn sweep<const FUSED: bool>(kernel: &Kernel, block: &mut Block, steps: &[f32]) {
-    let Kernel { forward, adjoint, gamma, mu } = kernel;
-    let Block { y, x, e, lambda } = block;
-    for &s in steps {
-        adjoint.product::<FUSED>(lambda, |l, g| x[l] = descended(&x[l], g, 1.0, s));
-        for (e, lambda) in e.iter_mut().zip(lambda.iter()) {
-            *e = descended(e, lambda, *gamma, s);
-        }
-        forward.product::<FUSED>(x, |m, ax| {
-            let (lambda, e, y) = (&mut lambda[m], &e[m], &y[m]);
-            for k in 0..LANES {
-                lambda.re[k] += mu * (ax.re[k] + gamma * e.re[k] - y.re[k]);
-                lambda.im[k] += mu * (ax.im[k] + gamma * e.im[k] - y.im[k]);
+impl Sweep for Iterations<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool, const WIDTH: usize>(self) {
+        let Kernel { forward, adjoint, gamma, mu } = self.kernel;
+        let Block { y, x, e, lambda } = self.block;
+        for &s in self.steps {
+            adjoint.product::<FUSED, WIDTH>(lambda, |l, g| x[l] = descended(&x[l], g, 1.0, s));
+            for (e, lambda) in e.iter_mut().zip(lambda.iter()) {
+                *e = descended(e, lambda, *gamma, s);
             }
-        });
+            forward.product::<FUSED, WIDTH>(x, |m, ax| {
+                let (lambda, e, y) = (&mut lambda[m], &e[m], &y[m]);
+                for k in 0..LANES {
+                    lambda.re[k] += mu * (ax.re[k] + gamma * e.re[k] - y.re[k]);
+                    lambda.im[k] += mu * (ax.im[k] + gamma * e.im[k] - y.im[k]);
+                }
+            });
+        }
     }
 }
 
