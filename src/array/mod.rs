@@ -4,6 +4,7 @@
 //! snapshot (the samples of all elements at one instant) unless said otherwise.
 
 mod admm_kernel;
+pub mod baselines;
 pub mod dictionary;
 pub mod l1_admm;
 mod lanes;
@@ -11,6 +12,7 @@ mod lda_kernel;
 pub mod lda_l11;
 pub mod manifold;
 pub mod random;
+mod register;
 pub mod sparse;
 
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
