@@ -24,9 +24,9 @@ use super::CMat;
 use super::admm_kernel::{Decomposition, Parameters, State, iterate};
 use super::lanes::{Block, LANES, Packed, matrix};
 use super::sparse::{Penalty, SparseError, check, median_modulus, objective, positive};
-use faer::Side;
 use faer::prelude::*;
 use num_complex::Complex64;
+use sdr_rx_linalg::{Cholesky, thin_svd};
 
 /// Singular values below this share of the largest are left out: their effect is that of rounding.
 const RANK_TOLERANCE: f64 = 1e-6;
@@ -108,14 +108,11 @@ impl<'a> AdmmPlan<'a> {
     /// When it is empty or not finite, or the decomposition fails.
     pub fn new(a: &'a CMat) -> Result<Self, SparseError> {
         check(a, &CMat::zeros(a.nrows(), 0))?;
-        let svd = a.thin_svd().map_err(|e| SparseError::NoConvergence {
+        let (u, s, v) = thin_svd(a).ok_or(SparseError::NoConvergence {
             doing: "singular value decomposition of the dictionary",
-            problem: format!("{e:?}"),
         })?;
-        let s: Vec<f64> = svd.S().column_vector().iter().map(|s| s.re).collect();
         let rank = s.iter().filter(|v| **v > RANK_TOLERANCE * s[0]).count();
         let (m, l) = (a.nrows(), a.ncols());
-        let (u, v) = (svd.U(), svd.V());
         let decomposition = Decomposition {
             u: Packed::new(m, rank, |r, c| u[(r, c)]),
             u_adjoint: Packed::new(rank, m, |r, c| u[(c, r)].conj()),
@@ -187,11 +184,8 @@ pub fn solve_exactly(
     let (l, n) = (a.ncols(), y.ncols());
     let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
     let identity = CMat::identity(l, l);
-    let gram =
-        (identity + a.adjoint() * a).llt(Side::Lower).map_err(|e| SparseError::NoConvergence {
-            doing: "Cholesky factor of I + A^H A",
-            problem: format!("{e:?}"),
-        })?;
+    let gram = Cholesky::new(&(identity + a.adjoint() * a))
+        .ok_or(SparseError::NoConvergence { doing: "Cholesky factor of I + A^H A" })?;
     let scaled = y * Scale(Complex64::from(1.0 / unit));
     let (mut w, mut v) = (CMat::zeros(l, n), CMat::zeros(y.nrows(), n));
     let relax = Scale(Complex64::from(settings.relax));
@@ -199,7 +193,7 @@ pub fn solve_exactly(
     for done in 1.. {
         let x = shrunk_x(&w, settings);
         let r = shrunk(&v, settings.c);
-        let u = gram.solve(two * &x - &w + a.adjoint() * (&scaled - two * &r + &v));
+        let u = gram.solve(&(two * &x - &w + a.adjoint() * (&scaled - two * &r + &v)));
         w += relax * (&u - &x);
         v += relax * (&scaled - a * &u - &r);
         if done % settings.stretch == 0 || done >= settings.iterations {

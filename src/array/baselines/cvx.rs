@@ -5,7 +5,6 @@
 //! residual, its real and imaginary parts in one vector, lies in one second-order cone. Of a single snapshot
 //! a row is one entry, so that l1,1 is this program for each snapshot by itself.
 
-use super::no_convergence;
 use crate::array::CMat;
 use crate::array::sparse::{SparseError, check, positive};
 use clarabel::algebra::CscMatrix;
@@ -71,13 +70,15 @@ pub fn cvx_l21(a: &CMat, y: &CMat, gamma: f64) -> Result<CMat, SparseError> {
     let quadratic = CscMatrix::zeros((variables, variables));
     let cones = vec![SecondOrderConeT(1 + 2 * n); l + m];
     let settings = DefaultSettings { verbose: false, max_threads: 1, ..DefaultSettings::default() };
-    let doing = "second-order cone program";
-    let mut solver = DefaultSolver::new(&quadratic, &cost, &constraints, &b, &cones, settings)
-        .map_err(|e| no_convergence(doing, e))?;
+    let failed = SparseError::NoConvergence { doing: "second-order cone program" };
+    let Ok(mut solver) = DefaultSolver::new(&quadratic, &cost, &constraints, &b, &cones, settings)
+    else {
+        return Err(failed);
+    };
     solver.solve();
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {}
-        status => return Err(no_convergence(doing, status)),
+        _ => return Err(failed),
     }
     let x = &solver.solution.x;
     Ok(CMat::from_fn(l, n, |row, column| {

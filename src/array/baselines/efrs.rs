@@ -9,12 +9,11 @@
 //! in turn. It converges to the optimum of CVX-l2,1. D starts as the identity; a row that has become zero
 //! stays so. The paper names no number of iterations: 50 are enough for four digits of the objective.
 
-use super::{no_convergence, row_norms, scale_rows};
+use super::{row_norms, scale_rows};
 use crate::array::CMat;
 use crate::array::sparse::{SparseError, check, positive};
-use faer::Side;
-use faer::prelude::*;
 use num_complex::Complex64;
+use sdr_rx_linalg::Cholesky;
 
 /// X (L x N) after so many iterations.
 ///
@@ -36,9 +35,8 @@ pub fn efrs(a: &CMat, y: &CMat, gamma: f64, iterations: usize) -> Result<CMat, S
         let mut gram = b_adjoint.adjoint() * &weighted;
         let floor = 1e-13 * gram.norm_max();
         (0..m).for_each(|k| gram[(k, k)] += floor);
-        let factor = gram
-            .llt(Side::Lower)
-            .map_err(|e| no_convergence("Cholesky factor of B D^-1 B^H", e))?;
+        let factor = Cholesky::new(&gram)
+            .ok_or(SparseError::NoConvergence { doing: "Cholesky factor of B D^-1 B^H" })?;
         u = weighted * factor.solve(y);
         inverse_d = row_norms(&u).into_iter().map(|norm| 2.0 * norm).collect();
     }

@@ -11,7 +11,6 @@ pub use efrs::efrs;
 pub use lrma_svt::lrma_svt;
 
 use super::CMat;
-use super::sparse::SparseError;
 
 /// Norms of the rows.
 fn row_norms(matrix: &CMat) -> Vec<f64> {
@@ -23,9 +22,4 @@ fn scale_rows(matrix: &CMat, factors: &[f64]) -> CMat {
     CMat::from_fn(matrix.nrows(), matrix.ncols(), |row, column| {
         matrix[(row, column)] * factors[row]
     })
-}
-
-/// A failed decomposition as an error.
-fn no_convergence(doing: &'static str, problem: impl std::fmt::Debug) -> SparseError {
-    SparseError::NoConvergence { doing, problem: format!("{problem:?}") }
 }
