@@ -1,5 +1,7 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
+pub mod claim;
+pub mod lda_l11;
 pub mod scene;
 
 pub use crate::array::random::SplitMix64;

@@ -1,0 +1,23 @@
+//! `sdr-rx experiment`: figures and tables made again.
+
+use super::experiment_lda_l11;
+use std::process::ExitCode;
+
+/// Experiments: tables, CSV and plots, with theory beside them
+#[derive(clap::Args)]
+pub struct Experiment {
+    #[command(subcommand)]
+    name: Name,
+}
+
+#[derive(clap::Subcommand)]
+enum Name {
+    LdaL11(experiment_lda_l11::LdaL11),
+}
+
+/// Runs the experiment.
+pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
+    match &args.name {
+        Name::LdaL11(args) => experiment_lda_l11::run(args),
+    }
+}
