@@ -49,6 +49,7 @@ fn conditioning(c: &mut Criterion) {
             samples: None,
             start_time: None,
             format: "cf32".into(),
+            array: None,
         };
         let name = format!("IF {if_hz:.0} Hz, by {decimation}");
         group.bench_function(name, |b| {

@@ -3,7 +3,7 @@
 
 use crate::acquisition::{SearchOptions, SearchPlan, remove_shadows};
 use crate::capture::{Block, OpenOptions, SampleSource, StreamInfo};
-use crate::front_end::{Conditioner, LevelMeter};
+use crate::front_end::{Conditioner, ImpulseSuppressor, LevelMeter, Suppression};
 use crate::gnss::constants::CA_CHIP_RATE;
 
 /// Fewer satellites than this call for advice.
@@ -134,6 +134,7 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     let mut conditioner = Conditioner::new(&info, decimation);
     let (mut raw, mut block) = (Block::default(), Block::default());
     source.read(&mut raw, (LOOK_S * info.rate_hz) as usize).ok()?;
+    ImpulseSuppressor::new(Suppression::Auto, &info).process(&mut raw);
     conditioner.process(&raw, &mut block);
     let plan = SearchPlan::new(conditioner.info().rate_hz, search.clone()).ok()?;
     let samples = if block.channels() > 0 { block.channel(0) } else { &[] };

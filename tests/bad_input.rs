@@ -230,6 +230,7 @@ fn wrong_outputs_are_named() {
         samples: None,
         start_time: None,
         format: "cs8".into(),
+        array: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let create =

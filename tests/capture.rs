@@ -227,6 +227,7 @@ fn info(channels: usize, real: bool) -> StreamInfo {
         samples: None,
         start_time: Some(GpsTime::from_week_tow(2190, 525_600.000_123_456)),
         format: "cs8".into(),
+        array: None,
     }
 }
 

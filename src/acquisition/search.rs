@@ -4,7 +4,7 @@
 //! periods after a carrier of Doppler f = f_j + c kHz is removed needs only the 2T fractions f_j of a
 //! kilohertz, since exp(-j 2 pi c 1 kHz m 1 ms) = 1 for whole periods m; within the period the c kHz are
 //! a shift of the spectrum by c lines. Counted work: 2T forward FFTs of N per window, and then one
-//! inverse FFT of N per satellite, Doppler and window: that is all of the time.
+//! inverse FFT of N per satellite, Doppler, window and channel: that is all of the time.
 
 use super::{Acquisition, statistics};
 use crate::gnss::Sv;
@@ -88,11 +88,12 @@ pub struct SearchPlan {
     codes: Vec<Vec<Complex32>>,
 }
 
-/// The spectra of the folded windows, by window and fraction of a kilohertz.
+/// The spectra of the folded windows, by look (window of a channel) and fraction of a kilohertz.
 struct Folded {
-    /// `[window][fraction][bin]`, flattened.
+    /// `[channel][window][fraction][bin]`, flattened.
     spectra: Vec<Complex32>,
     windows: usize,
+    looks: usize,
 }
 
 /// The best cell of one satellite.
@@ -182,6 +183,16 @@ impl SearchPlan {
     /// Searches the samples of one channel (baseband, from their first on) and gives the satellites
     /// whose statistic passes the threshold, strongest first.
     pub fn search(&self, samples: &[Complex32]) -> Result<Vec<Acquisition>, AcquisitionError> {
+        self.search_channels(&[samples])
+    }
+
+    /// The same over all channels of an array, whose powers are summed: no geometry need be known. The
+    /// channels are of one length and have equal noise floors. The C/N0 is that of one element.
+    pub fn search_channels(
+        &self,
+        channels: &[&[Complex32]],
+    ) -> Result<Vec<Acquisition>, AcquisitionError> {
+        let samples = channels.first().copied().unwrap_or(&[]);
         let need = self.window_len();
         let windows = self.windows(samples.len());
         if windows == 0 {
@@ -192,8 +203,9 @@ impl SearchPlan {
                 rate_hz: self.rate_hz,
             });
         }
-        let folded = self.fold(samples, windows);
-        let threshold = self.threshold(windows);
+        let folded = self.fold(channels, windows);
+        let looks = folded.looks;
+        let threshold = self.threshold(looks);
         let peaks: Vec<Peak> =
             self.codes.par_iter().map(|code| self.search_one(code, &folded)).collect();
         let mut found: Vec<Acquisition> = self
@@ -202,13 +214,13 @@ impl SearchPlan {
             .iter()
             .zip(peaks)
             .filter(|(_, peak)| peak.statistic > threshold)
-            .map(|(&sv, peak)| self.acquisition(sv, &peak, windows))
+            .map(|(&sv, peak)| self.acquisition(sv, &peak, looks))
             .collect();
         found.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
         Ok(found)
     }
 
-    fn acquisition(&self, sv: Sv, peak: &Peak, windows: usize) -> Acquisition {
+    fn acquisition(&self, sv: Sv, peak: &Peak, looks: usize) -> Acquisition {
         let chips = CA_CODE_LENGTH as f64;
         let delay = peak.bin as f64 / self.bins as f64 * chips;
         let snr = (peak.power - 1.0).max(1e-3);
@@ -218,17 +230,18 @@ impl SearchPlan {
             code_phase_chips: (chips - delay) % chips,
             cn0_dbhz: 10.0 * (snr * 1e3 / self.options.coherent_ms as f64).log10(),
             statistic: peak.statistic,
-            false_alarm: statistics::search_false_alarm(peak.statistic, windows, self.cells()),
+            false_alarm: statistics::search_false_alarm(peak.statistic, looks, self.cells()),
         }
     }
 
     /// Folds each window to one code period for every fraction of a kilohertz, and transforms it.
-    fn fold(&self, samples: &[Complex32], windows: usize) -> Folded {
+    fn fold(&self, channels: &[&[Complex32]], windows: usize) -> Folded {
         let (bins, periods) = (self.bins, self.options.coherent_ms);
         let fractions = 2 * periods;
-        let mut spectra = vec![Complex32::ZERO; windows * fractions * bins];
-        spectra.par_chunks_exact_mut(fractions * bins).enumerate().for_each(|(window, spectra)| {
-            let sorted = self.sort_into_bins(samples, window);
+        let looks = windows * channels.len();
+        let mut spectra = vec![Complex32::ZERO; looks * fractions * bins];
+        spectra.par_chunks_exact_mut(fractions * bins).enumerate().for_each(|(look, spectra)| {
+            let sorted = self.sort_into_bins(channels[look / windows], look % windows);
             for (fraction, folded) in spectra.chunks_exact_mut(bins).enumerate() {
                 let doppler = fraction as f64 * self.doppler_step();
                 for (period, row) in sorted.chunks_exact(bins).enumerate() {
@@ -241,7 +254,7 @@ impl SearchPlan {
                 self.forward.process(folded);
             }
         });
-        Folded { spectra, windows }
+        Folded { spectra, windows, looks }
     }
 
     /// Sums the samples of a window into `coherent_ms` rows of `bins` bins of code phase.
@@ -276,8 +289,9 @@ impl SearchPlan {
             let doppler_hz = index as f64 * self.doppler_step();
             let fraction = index.rem_euclid(fractions) as usize;
             let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
-            for window in 0..folded.windows {
-                let at = (window * fractions as usize + fraction) * bins;
+            for look in 0..folded.looks {
+                let window = look % folded.windows;
+                let at = (look * fractions as usize + fraction) * bins;
                 let (head, tail) = folded.spectra[at..at + bins].split_at(lines);
                 let (code_head, code_tail) = code.split_at(bins - lines);
                 multiply(tail, code_head, &mut product[..bins - lines]);
@@ -289,12 +303,11 @@ impl SearchPlan {
                     doppler_hz / CYCLES_PER_CHIP * seconds * bins as f64 / CA_CODE_LENGTH as f64;
                 let advance = (advance.round() as i64).rem_euclid(bins as i64) as usize;
                 let (early, late) = product.split_at(bins - advance);
-                let first_window = window == 0;
-                add_power(early, &mut power[advance..], first_window);
-                add_power(late, &mut power[..advance], first_window);
+                add_power(early, &mut power[advance..], look == 0);
+                add_power(late, &mut power[..advance], look == 0);
             }
             let (bin, highest, total) = peak_and_sum(&power);
-            let statistic = f64::from(highest) * (folded.windows * bins) as f64
+            let statistic = f64::from(highest) * (folded.looks * bins) as f64
                 / f64::from(total).max(f64::MIN_POSITIVE);
             if statistic > best.statistic {
                 let power = f64::from(highest) * bins as f64;
@@ -334,7 +347,7 @@ fn sampled_code(sv: Sv, bins: usize) -> Vec<Complex32> {
 }
 
 /// exp(-j 2 pi cycles).
-fn phasor(cycles: f64) -> Complex32 {
+pub(super) fn phasor(cycles: f64) -> Complex32 {
     let turn = Complex64::cis(-TAU * cycles.fract());
     Complex32::new(turn.re as f32, turn.im as f32)
 }
@@ -344,7 +357,7 @@ fn phasor(cycles: f64) -> Complex32 {
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "aarch64+neon"
 ))]
-fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) {
+pub(super) fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) {
     for ((a, b), out) in a.iter().zip(b).zip(out) {
         *out = Complex32::new(a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re);
     }

@@ -13,10 +13,8 @@
 
 use super::robust_fit::{RobustFit, Tested};
 use super::scan::Scan;
-use super::{Bearing, Manifold, Point};
+use super::{Bearing, CMat, Manifold, Point};
 use crate::front_end::mixture::Mixture;
-use faer::MatRef;
-use num_complex::Complex64;
 
 /// How to decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,10 +38,14 @@ impl Default for JaneOptions {
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum JaneError {
     /// One element, or all in one place.
-    #[error("deciding on sources: the array has no extent, so it cannot tell directions; give the positions of two or more elements")]
+    #[error(
+        "deciding on sources: the array has no extent, so it cannot tell directions; give the positions of two or more elements"
+    )]
     NoDirections,
     /// Data of another array.
-    #[error("deciding on sources: the data has {rows} rows and {columns} columns, the array {elements} elements; a row per element and one column or more are needed")]
+    #[error(
+        "deciding on sources: the data has {rows} rows and {columns} columns, the array {elements} elements; a row per element and one column or more are needed"
+    )]
     Shape {
         /// Rows of the data.
         rows: usize,
@@ -53,10 +55,14 @@ pub enum JaneError {
         elements: usize,
     },
     /// Numbers that are none, or all zero.
-    #[error("deciding on sources: the data is zero throughout, or holds a number that is not finite")]
+    #[error(
+        "deciding on sources: the data is zero throughout, or holds a number that is not finite"
+    )]
     NoPower,
     /// Not a probability.
-    #[error("deciding on sources: a false-alarm probability of {0} was asked for; it lies between 0 and 1")]
+    #[error(
+        "deciding on sources: a false-alarm probability of {0} was asked for; it lies between 0 and 1"
+    )]
     FalseAlarm(f64),
 }
 
@@ -124,7 +130,7 @@ impl Jane {
     ///
     /// # Errors
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
-    pub fn decide(&self, snapshots: MatRef<'_, Complex64>, start: &[Point]) -> Result<Decision, JaneError> {
+    pub fn decide(&self, snapshots: &CMat, start: &[Point]) -> Result<Decision, JaneError> {
         let elements = self.check(snapshots)?;
         let count = snapshots.ncols() as f64;
         let threshold = self.scan.threshold(self.options.false_alarm, count);
@@ -161,7 +167,7 @@ impl Jane {
     }
 
     /// Rows of the data, if they are this array's.
-    pub(super) fn check(&self, data: MatRef<'_, Complex64>) -> Result<usize, JaneError> {
+    pub(super) fn check(&self, data: &CMat) -> Result<usize, JaneError> {
         let (rows, columns) = data.shape();
         let elements = self.manifold().elements();
         if rows != elements || columns == 0 {
@@ -196,7 +202,7 @@ impl Jane {
     /// Where the scan finds another source.
     fn another(&self, fit: &RobustFit<'_>, threshold: f64, count: f64) -> Option<Point> {
         let data = fit.weighted_residual();
-        let (point, score) = self.scan.strongest(data.as_ref(), &fit.responses())?;
+        let (point, score) = self.scan.strongest(&data, &fit.responses())?;
         // What the errors of the responses to known sources may put into one beam.
         let known: f64 = fit.tested().iter().map(|t| t.power).sum();
         let information = fit.information();
@@ -274,7 +280,8 @@ pub fn bearing_sigma(manifold: &Manifold, point: Point, covariance: [[f64; 2]; 2
     let slopes = [slope(0), slope(1)];
     [0, 1].map(|k| {
         let pairs = [(0, 0), (0, 1), (1, 0), (1, 1)];
-        let sum = pairs.map(|(i, j)| slopes[i][k] * slopes[j][k] * covariance[i][j]).iter().sum::<f64>();
+        let sum =
+            pairs.map(|(i, j)| slopes[i][k] * slopes[j][k] * covariance[i][j]).iter().sum::<f64>();
         sum.max(0.0).sqrt()
     })
 }

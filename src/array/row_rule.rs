@@ -26,7 +26,8 @@ pub struct Group {
 /// median modulus, 1 / sqrt(ln 2), when it is a circular Gaussian) over the square root of the number of
 /// elements, since noise averages over them.
 pub fn row_noise(residual: &CMat) -> f64 {
-    let mut moduli: Vec<f64> = residual.col_iter().flat_map(|c| c.iter()).map(|z| z.norm()).collect();
+    let mut moduli: Vec<f64> =
+        residual.col_iter().flat_map(|c| c.iter()).map(|z| z.norm()).collect();
     if moduli.is_empty() {
         return 0.0;
     }
@@ -103,7 +104,9 @@ mod tests {
         let groups = row_rule(&x, &grid, 0.0);
         assert_eq!(groups.iter().map(|g| g.rows.len()).collect::<Vec<_>>(), [2, 1, 1]);
         // Powers 1 and 9: nine tenths of the way.
-        assert!((groups[0].point[0] - 0.29).abs() < 1e-12 && (groups[0].power - 10.0).abs() < 1e-12);
+        assert!(
+            (groups[0].point[0] - 0.29).abs() < 1e-12 && (groups[0].power - 10.0).abs() < 1e-12
+        );
         // The row of 0.25 lies below a tenth of 3, that of 0.35 above; noise of 0.1 hides both.
         assert_eq!(groups[2].rows, [9]);
         assert_eq!(row_rule(&x, &grid, 0.1).len(), 2);
@@ -116,7 +119,10 @@ mod tests {
         // (1,1) and (2,2) touch at a corner; (1,4) and (2,0) are successive rows of X far apart.
         let x = estimate(25, &[(6, 1.0), (12, 1.0), (9, 2.0), (10, 1.5)]);
         let groups = row_rule(&x, &grid, 0.0);
-        assert_eq!(groups.iter().map(|g| g.rows.clone()).collect::<Vec<_>>(), [vec![9], vec![10], vec![6, 12]]);
+        assert_eq!(
+            groups.iter().map(|g| g.rows.clone()).collect::<Vec<_>>(),
+            [vec![9], vec![10], vec![6, 12]]
+        );
         assert_eq!(groups[2].point, [1.5, 1.5]);
     }
 
@@ -124,7 +130,8 @@ mod tests {
     fn the_noise_of_a_row_is_that_of_the_mean_of_the_elements() {
         // The median modulus of unit noise is sqrt(ln 2).
         let median = std::f64::consts::LN_2.sqrt();
-        let residual = CMat::from_fn(4, 5, |m, n| Complex64::from(median * (4 * n + m) as f64 / 10.0));
+        let residual =
+            CMat::from_fn(4, 5, |m, n| Complex64::from(median * (4 * n + m) as f64 / 10.0));
         assert!((row_noise(&residual) - 0.5).abs() < 1e-12);
     }
 }

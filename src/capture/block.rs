@@ -1,6 +1,6 @@
 //! The block: what flows from the antenna to the correlators.
 
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 
 /// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,6 +14,22 @@ impl Block {
     /// A block of zeros.
     pub fn zeros(channels: usize, len: usize) -> Self {
         Self { samples: vec![Complex32::ZERO; channels * len], channels, first_sample: 0 }
+    }
+
+    /// Blocks that follow each other as one.
+    pub fn joined(blocks: &[Self]) -> Self {
+        let (len, channels) =
+            (blocks.iter().map(Self::len).sum(), blocks.first().map_or(0, |b| b.channels));
+        let mut joined = Self::default();
+        joined.reset(channels, len, blocks.first().map_or(0, |b| b.first_sample));
+        let mut at = 0;
+        for block in blocks {
+            for c in 0..channels {
+                joined.channel_mut(c)[at..at + block.len()].copy_from_slice(block.channel(c));
+            }
+            at += block.len();
+        }
+        joined
     }
 
     /// Makes the block `channels` x `len`, keeping its allocation; contents are unspecified.
@@ -64,6 +80,14 @@ impl Block {
     pub fn channel_mut(&mut self, channel: usize) -> &mut [Complex32] {
         let len = self.len();
         &mut self.samples[channel * len..(channel + 1) * len]
+    }
+
+    /// Multiplies each channel by its weight: the calibration of an antenna array, when one is given.
+    pub fn weight_channels(&mut self, weights: &[Complex64]) {
+        for (channel, weight) in self.channels_mut().zip(weights) {
+            let weight = Complex32::new(weight.re as f32, weight.im as f32);
+            channel.iter_mut().for_each(|x| *x *= weight);
+        }
     }
 
     /// Appends the samples as they lie in a file: channels interleaved by sample, I before Q, and of

@@ -4,6 +4,7 @@ use super::lane::{Data, Lane};
 use super::options::{Layout, OpenOptions, check_rate};
 use super::{Block, CaptureError, SampleFormat, SampleSource, SourceError, StreamInfo};
 use crate::gnss::GpsTime;
+use crate::gnss::antenna::ArrayDescription;
 use std::path::Path;
 
 /// What metadata, a name or a header say of a capture; what is `None` must come from the options.
@@ -14,6 +15,7 @@ pub(super) struct Description {
     pub if_hz: Option<f64>,
     pub channels_per_file: Option<usize>,
     pub start_time: Option<GpsTime>,
+    pub array: Option<ArrayDescription>,
     pub data: Vec<Data>,
     pub notes: Vec<String>,
 }
@@ -27,6 +29,7 @@ impl Description {
             if_hz: None,
             channels_per_file: None,
             start_time: None,
+            array: None,
             data: vec![data],
             notes: Vec::new(),
         }
@@ -130,6 +133,7 @@ impl FileSource {
                 .or(described.start_time)
                 .map(|t| t + skip as f64 / rate_hz),
             format: format.name().to_owned(),
+            array: described.array.filter(|a| a.len() == lanes.len() * channels_per_lane),
         };
         let limit = [left, asked].into_iter().flatten().min().unwrap_or(u64::MAX);
         Ok(Self { info, lanes, channels_per_lane, position: 0, limit, ended: false, notes })

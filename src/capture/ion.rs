@@ -107,6 +107,7 @@ pub(super) fn describe(
         if_hz: Some(carrier_if(stream.center_hz, stream.translated_hz)),
         channels_per_file: Some(first.streams.len()),
         start_time,
+        array: None,
         data: parts.collect::<Result<_, CaptureError>>()?,
         notes,
     })

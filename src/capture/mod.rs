@@ -13,6 +13,7 @@ mod options;
 mod packing;
 mod sample_format;
 pub mod sigmf;
+pub mod sigmf_spatial;
 mod sigmf_writer;
 mod source;
 mod wav;

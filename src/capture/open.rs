@@ -2,6 +2,7 @@
 
 use super::file_source::{Description, FileSource};
 use super::lane::{Data, is_stdin};
+use super::sigmf_spatial::joined;
 use super::{CaptureError, OpenOptions, SampleFormat, SampleSource, ion, sigmf, wav};
 use std::path::{Path, PathBuf};
 
@@ -98,6 +99,7 @@ fn merge(described: Vec<Description>) -> Result<Description, CaptureError> {
                 });
             }
         }
+        merged.array = joined(merged.array, other.array);
         merged.data.extend(other.data);
         merged.notes.extend(other.notes);
     }

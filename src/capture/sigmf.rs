@@ -3,6 +3,7 @@
 use super::file_source::Description;
 use super::lane::Data;
 use super::number::Number;
+use super::sigmf_spatial::{self, Bearing, CartesianPoint, Extension};
 use super::{CaptureError, OpenOptions, SampleFormat};
 use crate::gnss::constants::L1_HZ;
 use serde::{Deserialize, Serialize};
@@ -54,6 +55,18 @@ pub struct Global {
     /// Whether there is no data file.
     #[serde(rename = "core:metadata_only", skip_serializing_if = "Option::is_none")]
     pub metadata_only: Option<bool>,
+    /// Extensions in use.
+    #[serde(rename = "core:extensions", default, skip_serializing_if = "Vec::is_empty")]
+    pub extensions: Vec<Extension>,
+    /// Elements of the antenna array, in this file and others.
+    #[serde(rename = "spatial:num_elements", skip_serializing_if = "Option::is_none")]
+    pub num_elements: Option<usize>,
+    /// Which of the array's elements the first channel is.
+    #[serde(rename = "spatial:channel_index", skip_serializing_if = "Option::is_none")]
+    pub channel_index: Option<usize>,
+    /// What the channels are to be multiplied by, [re, im].
+    #[serde(rename = "sdr_rx:calibration", skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Vec<[f64; 2]>>,
 }
 
 /// A member of `captures`.
@@ -71,6 +84,21 @@ pub struct Capture {
     /// Bytes before the segment's first sample that are no samples.
     #[serde(rename = "core:header_bytes", skip_serializing_if = "Option::is_none")]
     pub header_bytes: Option<u64>,
+    /// Where the array's boresight points, degrees from north over east.
+    #[serde(rename = "spatial:aperture_azimuth", skip_serializing_if = "Option::is_none")]
+    pub aperture_azimuth: Option<f64>,
+    /// The same with elevation; goes before `aperture_azimuth`.
+    #[serde(rename = "spatial:aperture_bearing", skip_serializing_if = "Option::is_none")]
+    pub aperture_bearing: Option<Bearing>,
+    /// Right-handed turn about the boresight, degrees.
+    #[serde(rename = "spatial:aperture_rotation", skip_serializing_if = "Option::is_none")]
+    pub aperture_rotation: Option<f64>,
+    /// Where the elements are: those of this file, or all of the array.
+    #[serde(rename = "spatial:element_geometry", skip_serializing_if = "Option::is_none")]
+    pub element_geometry: Option<Vec<CartesianPoint>>,
+    /// Phase of this file's data against the common reference, degrees.
+    #[serde(rename = "spatial:phase_offset", skip_serializing_if = "Option::is_none")]
+    pub phase_offset: Option<f64>,
 }
 
 /// Parses the text of a `.sigmf-meta` file; `path` is for messages only.
@@ -179,6 +207,7 @@ fn interpret(
         if_hz: first.frequency.map(|f| L1_HZ - f),
         channels_per_file: Some(channels),
         start_time,
+        array: sigmf_spatial::read(global, &first, channels, path)?,
         notes,
         ..Description::unknown(Data { path: data_path, offset, bytes: None, seekable: true })
     })

@@ -1,7 +1,7 @@
 //! Writes a SigMF recording: data and metadata appear under their names only when complete.
 
 use super::sigmf::{Capture, Global, Metadata};
-use super::{Block, CaptureError, Datatype, StreamInfo};
+use super::{Block, CaptureError, Datatype, StreamInfo, sigmf_spatial};
 use crate::gnss::GpsTime;
 use crate::gnss::constants::L1_HZ;
 use crate::temporary::temporary_beside;
@@ -28,7 +28,7 @@ impl SigmfWriter {
     /// Starts the recording `NAME.sigmf-meta` with its samples beside it in `NAME.sigmf-data`.
     ///
     /// Rate, number of channels, start time, real or complex, and the frequency at 0 Hz
-    /// (L1 less the intermediate frequency) come from `info`. Samples are written as they are: scale
+    /// (L1 less the intermediate frequency), and the antenna array (without its errors) come from `info`. Samples are written as they are: scale
     /// them to the levels of the quantiser before.
     ///
     /// # Errors
@@ -52,7 +52,7 @@ impl SigmfWriter {
             Datatype::I16 => "i16_le",
             Datatype::F32 => "f32_le",
         };
-        let global = Global {
+        let mut global = Global {
             datatype: format!("{kind}{number}"),
             sample_rate: Some(info.rate_hz),
             version: "1.2.5".to_owned(),
@@ -61,12 +61,15 @@ impl SigmfWriter {
             recorder: Some(format!("sdr-rx {}", env!("CARGO_PKG_VERSION"))),
             ..Global::default()
         };
-        let capture = Capture {
+        let mut capture = Capture {
             sample_start: 0,
             frequency: Some(L1_HZ - info.if_hz),
             datetime: info.start_time.map(utc_nanoseconds),
-            header_bytes: None,
+            ..Capture::default()
         };
+        if let Some(array) = &info.array {
+            sigmf_spatial::describe(array, &mut global, &mut capture);
+        }
         Ok(Self {
             meta_path: meta_path.to_owned(),
             data_path,

@@ -2,6 +2,7 @@
 
 use super::Block;
 use crate::gnss::GpsTime;
+use crate::gnss::antenna::ArrayDescription;
 
 /// What is known of a stream of samples before the first is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,8 @@ pub struct StreamInfo {
     pub start_time: Option<GpsTime>,
     /// Sample type as a person names it, such as `cs8`.
     pub format: String,
+    /// The antenna array whose elements the channels are, where the recording states it.
+    pub array: Option<ArrayDescription>,
 }
 
 /// A source of samples: a file, a pipe, a scenario, a radio.

@@ -66,9 +66,11 @@ impl Printed<'_> {
             capture: &names.join(" "),
             stream: &stream,
             acquisitions: &acquisitions,
+            sky: self.outcome.sky.as_ref(),
             epochs: &self.outcome.epochs,
             fixes: &self.outcome.fixes,
             navigation: &self.outcome.navigation,
+            noise: self.outcome.noise.as_ref(),
             warnings: &self.outcome.warnings,
             reason: self.outcome.reason.as_deref(),
             first_fix_s: self.outcome.first_fix_s,
@@ -80,6 +82,11 @@ impl Printed<'_> {
 
 fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
     let mut text = report::acquisition_table(run.acquisitions);
+    text += &report::noise_line(run);
+    if let Some(sky) = run.sky {
+        text += "\n";
+        text += &report::array_sky_table(sky);
+    }
     if fixes {
         text += "\n";
         text += &report::fix_table(run);

@@ -5,6 +5,8 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::capture::StreamInfo;
+use sdr_rx::front_end::Suppression;
+use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::{NavigationData, Sv, rinex_nav};
@@ -37,6 +39,13 @@ pub struct Receive {
     /// Lower the sampling rate by this factor first [default: 1, or what leaves at least 4 MHz]
     #[arg(long, value_name = "N", help_heading = "Search")]
     pub decimate: Option<usize>,
+    /// The antenna array of a capture of several channels: ula:8, ura:2x2, uca:8:0.5, or a TOML file
+    /// [default: what the metadata say]
+    #[arg(long, value_name = "ARRAY", value_parser = array, help_heading = "Array")]
+    pub array: Option<ArrayDescription>,
+    /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
+    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Search")]
+    pub suppress: Suppression,
     /// Threads; the result is the same for any number [default: all processors]
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
@@ -85,6 +94,10 @@ fn satellites(text: &str) -> Result<Satellites, String> {
     parse_sv_list(text).map(Satellites).map_err(|e| e.to_string())
 }
 
+fn array(text: &str) -> Result<ArrayDescription, String> {
+    ArrayDescription::parse(text).map_err(|e| e.to_string())
+}
+
 /// `--troposphere`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum TroposphereArg {
@@ -123,6 +136,8 @@ impl Receive {
             navigation: NavigationData::default(),
             time: info.start_time,
             interval_s: 1.0,
+            array: self.array.clone().or(info.array.clone()),
+            suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
         }
     }
@@ -136,6 +151,8 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "search_ms": options.search.coherent_ms,
         "search_windows": options.search.max_windows,
         "pfa": options.search.false_alarm,
+        "array": options.array,
+        "suppress": options.suppression.to_string(),
         "decimation": options.decimation,
         "coherent_ms": options.tracking.coherent_ms,
         "pll_hz": options.tracking.pll_hz,

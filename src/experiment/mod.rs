@@ -1,7 +1,6 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
-pub mod random;
 pub mod scene;
 
-pub use random::SplitMix64;
+pub use crate::array::random::SplitMix64;
 pub use scene::{Scene, Snapshots};

@@ -171,6 +171,7 @@ mod tests {
             samples: None,
             start_time: None,
             format: "cf32".into(),
+            array: None,
         }
     }
 

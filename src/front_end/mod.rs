@@ -1,12 +1,16 @@
-//! Conditioning: the intermediate frequency removed, the rate lowered, and the level measured.
+//! Conditioning: impulses suppressed, the intermediate frequency removed, the rate lowered, and the level measured.
 
 mod conditioner;
+mod efficacy;
+mod impulses;
 mod level;
 pub mod mixture;
 mod oscillator;
 mod spectrum;
 
 pub use conditioner::Conditioner;
+pub use efficacy::{Effect, Map};
+pub use impulses::{ImpulseReport, ImpulseSuppressor, Suppression};
 pub use level::{Level, LevelMeter};
 pub use oscillator::Oscillator;
 pub use spectrum::power_spectrum;

@@ -5,6 +5,7 @@
 
 pub mod antenna;
 pub mod atmosphere;
+pub(crate) mod checked;
 pub mod coordinates;
 pub mod ephemeris;
 pub mod lnav;

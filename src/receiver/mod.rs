@@ -1,15 +1,21 @@
 //! The pipeline: the stages of the house in their order, from a source of samples to positions.
 
+mod find;
 mod head;
+mod input;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+use crate::array::{ArraySky, Manifold};
 use crate::capture::{SampleSource, SourceError};
+use crate::front_end::{ImpulseReport, Suppression};
+use crate::gnss::antenna::{ArrayDescription, direction};
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
-use crate::positioning::{Fix, SnapshotOptions, solve_snapshot};
+use crate::positioning::{Fix, Residual, SnapshotOptions, solve_snapshot};
 use crate::tracking::TrackingOptions;
-use head::{Input, acquire_head};
+use head::acquire_head;
+use input::Input;
 use tracker::track_all;
 
 /// Signal that the first search and its refinement see, s.
@@ -40,8 +46,30 @@ pub struct ReceiverOptions {
     pub time: Option<GpsTime>,
     /// Time between fixes, s.
     pub interval_s: f64,
-    /// Integer factor by which the rate is lowered before anything else.
+    /// The antenna array whose elements the channels are, where it is known: directions need it, finding and
+    /// tracking do not.
+    pub array: Option<ArrayDescription>,
+    /// What is done about impulsive noise, before anything else.
+    pub suppression: Suppression,
+    /// Integer factor by which the rate is lowered then.
     pub decimation: usize,
+}
+
+impl Default for ReceiverOptions {
+    /// A cold start: the defaults of all stages, nothing known, a fix each second.
+    fn default() -> Self {
+        Self {
+            search: SearchOptions::default(),
+            tracking: TrackingOptions::default(),
+            positioning: SnapshotOptions::default(),
+            navigation: NavigationData::default(),
+            time: None,
+            interval_s: 1.0,
+            array: None,
+            suppression: Suppression::default(),
+            decimation: 1,
+        }
+    }
 }
 
 /// Why a run ended early.
@@ -53,6 +81,16 @@ pub enum ReceiverError {
     /// The search is impossible.
     #[error(transparent)]
     Acquisition(#[from] AcquisitionError),
+    /// The array is not that of the capture.
+    #[error(
+        "the array has {elements} elements, but the capture has {channels} channels: give an array with as many elements as channels"
+    )]
+    Array {
+        /// Elements of the array.
+        elements: usize,
+        /// Channels of the capture.
+        channels: usize,
+    },
 }
 
 /// What a run found.
@@ -72,6 +110,10 @@ pub struct Outcome {
     pub first_fix_s: Option<f64>,
     /// Samples read of each channel.
     pub samples: u64,
+    /// The satellites as an array sees them; absent with one channel.
+    pub sky: Option<ArraySky>,
+    /// Impulsive noise, where some was found and suppressed.
+    pub noise: Option<ImpulseReport>,
     /// What a person should know.
     pub warnings: Vec<String>,
     /// Why there is no fix, where there is none.
@@ -84,12 +126,14 @@ pub fn acquire(
     options: &ReceiverOptions,
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
+    let mut input = Input::new(source, options)?;
     let mut head = input.head(seconds)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
-    head.samples.truncate(wanted.max(1));
-    let mut outcome = Outcome { samples: head.samples.len() as u64, ..Outcome::default() };
+    head.truncate(wanted);
+    let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
     acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
+    outcome.noise = input.noise();
+    judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -100,27 +144,40 @@ pub fn process(
     options: &ReceiverOptions,
     progress: &mut (dyn FnMut(u64) + Send),
 ) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options.decimation);
+    let mut input = Input::new(source, options)?;
     let rate_hz = input.rate_hz();
     let head = input.head(HEAD_S)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
-    let length = head.samples.len() as u64;
+    let length = head.block.len() as u64;
     let refine = length.min((REFINE_S * rate_hz) as u64);
-    acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
+    let found = acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
     let is_snapshot = head.is_all
         || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
     if is_snapshot {
         outcome.samples = length;
         solve_head(refine, rate_hz, options, &mut outcome);
     } else {
-        track_all(&mut input, head, options, &mut outcome, progress)?;
+        track_all(&mut input, head, found, options, &mut outcome, progress)?;
         if outcome.fixes.is_empty() && options.time.is_some() && !options.navigation.is_empty() {
             // No message could be read, but the start of the recording is a snapshot all the same.
             solve_head(refine, rate_hz, options, &mut outcome);
         }
     }
+    outcome.noise = input.noise();
+    judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
+}
+
+/// Compares the array's sky with the first fix, and warns.
+fn judge_sky(outcome: &mut Outcome, options: &ReceiverOptions) {
+    let Some(sky) = &mut outcome.sky else { return };
+    if let (Some(array), Some(fix)) = (&options.array, outcome.fixes.first()) {
+        let towards = |r: &Residual| (r.sv, direction(r.azimuth, r.elevation));
+        let expected: Vec<_> = fix.residuals.iter().map(towards).collect();
+        sky.predict(&Manifold::new(array.in_enu()), &expected);
+    }
+    outcome.warnings.extend(sky.warnings());
 }
 
 /// The fix of a snapshot.

@@ -1,8 +1,11 @@
 //! All satellites followed from the first sample to the last, and what comes of it.
 
-use super::head::{CHUNK_S, DEEP_WINDOWS, Head, Input, refine_all, search_head};
+use super::find::{Found, Region, search};
+use super::head::deep_windows;
+use super::input::{CHUNK_S, Head, Input};
 use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
+use crate::array::Beam;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::{GpsTime, NavigationData, Sv};
@@ -27,8 +30,31 @@ const FLIGHT_S: f64 = 0.068;
 /// Instants of a second at which a jump of all code phases counts as one slip of the samples.
 const SLIP_AGREEMENT_S: f64 = 1.5e-6;
 
+/// The beam to a satellite, and what comes out of it.
+struct BeamFeed {
+    beam: Beam,
+    samples: Vec<Complex32>,
+    buffer: SampleBuffer,
+}
+
+impl BeamFeed {
+    fn new(beam: Beam, first: &Block) -> Self {
+        let buffer = SampleBuffer::starting_at(first.first_sample());
+        let mut feed = Self { beam, samples: Vec::new(), buffer };
+        feed.push(first);
+        feed
+    }
+
+    fn push(&mut self, chunk: &Block) {
+        self.beam.form(chunk, &mut self.samples);
+        self.buffer.push(&self.samples);
+    }
+}
+
 /// One satellite being followed.
 struct Track {
+    /// With an array; else the samples of the one channel are those of all.
+    feed: Option<BeamFeed>,
     channel: Channel,
     decoder: FrameDecoder,
     log: TrackLog,
@@ -37,9 +63,18 @@ struct Track {
 }
 
 impl Track {
-    fn new(start: &TrackStart, rate_hz: f64, options: &TrackingOptions) -> Self {
+    /// Starts at sample `start`; the samples from there on are in `held`.
+    fn new(
+        found: &Found,
+        start: u64,
+        held: &Block,
+        rate_hz: f64,
+        options: &TrackingOptions,
+    ) -> Self {
+        let start = TrackStart::from_refined(&found.refined, start);
         Self {
-            channel: Channel::new(start, rate_hz, options.clone()),
+            feed: found.spatial.as_ref().map(|(_, beam)| BeamFeed::new(beam.clone(), held)),
+            channel: Channel::new(&start, rate_hz, options.clone()),
             decoder: FrameDecoder::new(),
             log: TrackLog::new(start.acquisition.sv),
             epochs: Vec::new(),
@@ -47,9 +82,26 @@ impl Track {
         }
     }
 
-    /// Follows the satellite through all samples held.
+    /// Takes in the next samples of an array; those of one channel are shared.
+    fn take(&mut self, chunk: &Block) {
+        if let Some(feed) = &mut self.feed
+            && feed.buffer.end() <= chunk.first_sample()
+        {
+            feed.push(chunk);
+        }
+    }
+
+    /// Follows the satellite through all samples held: of channel 0 in `buffer`.
     fn advance(&mut self, buffer: &SampleBuffer, spacing: u64) {
         self.epochs.clear();
+        let buffer = match &mut self.feed {
+            Some(feed) => {
+                // What was processed before is needed no more but for the period that lay open.
+                feed.buffer.discard_before(buffer.first_sample());
+                &feed.buffer
+            }
+            None => buffer,
+        };
         self.channel.process(buffer, &mut self.epochs, &mut self.bits);
         self.log.extend(&self.epochs, &self.channel.quality(), spacing);
     }
@@ -96,6 +148,7 @@ struct Tracker<'a> {
 pub(super) fn track_all(
     input: &mut Input,
     head: Head,
+    found: Vec<Found>,
     options: &ReceiverOptions,
     outcome: &mut Outcome,
     progress: &mut (dyn FnMut(u64) + Send),
@@ -106,10 +159,9 @@ pub(super) fn track_all(
         options,
         rate_hz,
         spacing: (options.interval_s * rate_hz).round().max(1.0) as u64,
-        tracks: outcome
-            .acquisitions
-            .iter()
-            .map(|r| Track::new(&TrackStart::from_refined(r, 0), rate_hz, &options.tracking))
+        tracks: found
+            .par_iter()
+            .map(|f| Track::new(f, 0, &head.block, rate_hz, &options.tracking))
             .collect(),
         lost: BTreeMap::new(),
         ended: Vec::new(),
@@ -118,13 +170,15 @@ pub(super) fn track_all(
         ready: BTreeMap::new(),
         jumps: Vec::new(),
     };
-    let Head { mut buffer, .. } = head;
+    let Head { mut buffers, .. } = head;
     let (mut chunk, mut next) = (Block::default(), Block::default());
     let (mut next_retry, mut next_search) = (RETRY_S, SEARCH_AGAIN_S);
     loop {
         // While the channels follow what is there, the next chunk is read.
-        let (read, ()) = rayon::join(|| input.read(&mut next), || tracker.advance(&buffer));
-        let done_s = buffer.end() as f64 / rate_hz;
+        let (read, ()) =
+            rayon::join(|| input.read(&mut next), || tracker.advance(&buffers[0], &chunk));
+        let end = buffers[0].end();
+        let done_s = end as f64 / rate_hz;
         tracker.decode(done_s);
         tracker.drop_lost();
         if done_s >= next_retry {
@@ -134,27 +188,32 @@ pub(super) fn track_all(
                 next_search = done_s + SEARCH_AGAIN_S;
             }
             if !chunk.is_empty() {
-                tracker.search_again(&buffer, chunk.channel(0), all)?;
+                tracker.search_again(&buffers, &chunk, all)?;
             }
         }
-        progress(buffer.end());
+        progress(end);
         read?;
         if next.is_empty() {
             break;
         }
         std::mem::swap(&mut chunk, &mut next);
-        buffer.discard_before(buffer.end().saturating_sub((CHUNK_S * rate_hz) as u64));
-        buffer.push(chunk.channel(0));
+        for (c, buffer) in buffers.iter_mut().enumerate() {
+            buffer.discard_before(end.saturating_sub((CHUNK_S * rate_hz) as u64));
+            buffer.push(chunk.channel(c));
+        }
     }
-    outcome.samples = buffer.end();
+    outcome.samples = buffers[0].end();
     tracker.finish(outcome);
     Ok(())
 }
 
 impl Tracker<'_> {
-    fn advance(&mut self, buffer: &SampleBuffer) {
+    fn advance(&mut self, buffer: &SampleBuffer, chunk: &Block) {
         let spacing = self.spacing;
-        self.tracks.par_iter_mut().for_each(|track| track.advance(buffer, spacing));
+        self.tracks.par_iter_mut().for_each(|track| {
+            track.take(chunk);
+            track.advance(buffer, spacing);
+        });
     }
 
     fn decode(&mut self, now_s: f64) {
@@ -183,39 +242,37 @@ impl Tracker<'_> {
     /// Searches the newest chunk for lost satellites, and for `all` others where asked.
     fn search_again(
         &mut self,
-        buffer: &SampleBuffer,
-        chunk: &[Complex32],
+        buffers: &[SampleBuffer],
+        chunk: &Block,
         all: bool,
     ) -> Result<(), AcquisitionError> {
-        let start = buffer.end() - chunk.len() as u64;
-        let mut found = Vec::new();
+        let (start, end) = (chunk.first_sample(), buffers[0].end());
+        let mut cells = Vec::new();
         for (&sv, lost) in &self.lost {
-            let search = SearchOptions {
+            let asked = SearchOptions {
                 satellites: vec![sv],
                 doppler_hz: (lost.doppler_hz - RETRY_HZ, lost.doppler_hz + RETRY_HZ),
-                max_windows: DEEP_WINDOWS,
+                max_windows: deep_windows(chunk.channels()),
                 ..self.options.search.clone()
             };
-            found.extend(self.search_chunk(chunk, &search)?);
+            cells.extend(self.search_chunk(chunk, &asked)?);
         }
         if all {
             let tracked =
                 |sv: &Sv| self.tracks.iter().any(|t| t.log.sv == *sv) || self.lost.contains_key(sv);
-            let mut search = self.options.search.clone();
-            search.satellites.retain(|sv| !tracked(sv));
-            if !search.satellites.is_empty() {
-                found.extend(self.search_chunk(chunk, &search)?);
+            let mut asked = self.options.search.clone();
+            asked.satellites.retain(|sv| !tracked(sv));
+            if !asked.satellites.is_empty() {
+                cells.extend(self.search_chunk(chunk, &asked)?);
             }
         }
-        for refined in
-            refine_all(buffer, self.rate_hz, start, buffer.end(), &found, &self.options.search)
-        {
-            let start = TrackStart::from_refined(&refined, start);
-            let mut track = Track::new(&start, self.rate_hz, &self.options.tracking);
-            track.advance(buffer, self.spacing);
+        let region = Region { block: chunk, buffers, rate_hz: self.rate_hz, start, end };
+        for found in region.refine_all(&cells, &self.options.search) {
+            let mut track = Track::new(&found, start, chunk, self.rate_hz, &self.options.tracking);
+            track.advance(&buffers[0], self.spacing);
             if let Some(lost) = self.lost.remove(&track.log.sv) {
                 if let Some(jump) = track.log.continue_from(&lost.log, self.rate_hz) {
-                    self.jumps.push((start.sample, jump));
+                    self.jumps.push((start, jump));
                 }
                 self.ended.push(lost.log);
             }
@@ -226,14 +283,14 @@ impl Tracker<'_> {
 
     fn search_chunk(
         &self,
-        chunk: &[Complex32],
+        chunk: &Block,
         options: &SearchOptions,
     ) -> Result<Vec<Acquisition>, AcquisitionError> {
         let whole_ms = (chunk.len() as f64 / self.rate_hz * 1e3) as usize;
         if whole_ms < options.coherent_ms {
             Ok(Vec::new())
         } else {
-            search_head(chunk, self.rate_hz, options)
+            search(chunk, self.rate_hz, options)
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::kml::escape;
 use super::{
-    ReportError, Run, Summary, acquisition_table, east_north_plot, fix_table, height_plot, sky,
-    sky_plot,
+    ReportError, Run, Summary, acquisition_table, array_sky_table, east_north_plot, fix_table,
+    height_plot, sky, sky_plot,
 };
 use std::fmt::Write;
 
@@ -44,6 +44,10 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
             east_north_plot(&summary)?,
             height_plot(&summary, &times)?
         );
+    }
+    if let Some(sky) = run.sky {
+        let table = escape(&array_sky_table(sky));
+        let _ = writeln!(page, "<h2>Directions</h2>\n<pre>{table}</pre>");
     }
     let _ = writeln!(
         page,

@@ -1,8 +1,10 @@
 //! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
 
 use super::Run;
+use super::array_sky::ArraySkyRecord;
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
+use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
 use crate::gnss::coordinates::Geodetic;
@@ -19,6 +21,10 @@ pub struct Document {
     #[serde(skip_serializing_if = "Option::is_none")]
     seed: Option<u64>,
     capture: Capture,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<ImpulseReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sky: Option<ArraySkyRecord>,
     acquisitions: Vec<AcquisitionRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_fix_s: Option<f64>,
@@ -106,6 +112,8 @@ impl Document {
             options: run.options.clone(),
             seed: run.seed,
             capture: Capture::new(run.capture, run.stream),
+            noise: run.noise.cloned(),
+            sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(FixRecord::new).collect(),

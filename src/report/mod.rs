@@ -4,6 +4,7 @@
 //! into a folder, each file whole or not at all. The same results give the same bytes: no report holds
 //! the time of its own making.
 
+mod array_sky;
 mod files;
 mod geojson;
 mod html;
@@ -16,6 +17,7 @@ mod summary;
 mod svg;
 mod table;
 
+pub use array_sky::array_sky_table;
 pub use files::{OutputDir, ReportError, write_all, write_atomically};
 pub use geojson::geojson;
 pub use html::html;
@@ -26,10 +28,12 @@ pub use rinex_nav::rinex_navigation;
 pub use rinex_obs::{observation_file_name, rinex_observations};
 pub use summary::{SkyEntry, Summary, sky};
 pub use svg::{east_north_plot, height_plot, sky_plot};
-pub use table::{acquisition_table, fix_table, sky_text};
+pub use table::{acquisition_table, fix_table, noise_line, sky_text};
 
 use crate::acquisition::Acquisition;
+use crate::array::ArraySky;
 use crate::capture::StreamInfo;
+use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
 use crate::observables::ObservationEpoch;
 use crate::positioning::Fix;
@@ -43,12 +47,16 @@ pub struct Run<'a> {
     pub stream: &'a StreamInfo,
     /// Satellites found.
     pub acquisitions: &'a [Acquisition],
+    /// The satellites as an array sees them.
+    pub sky: Option<&'a ArraySky>,
     /// Measurements, in order of time.
     pub epochs: &'a [ObservationEpoch],
     /// Positions, in order of time.
     pub fixes: &'a [Fix],
     /// Ephemerides, ionosphere and UTC that were used or decoded.
     pub navigation: &'a NavigationData,
+    /// Impulsive noise, where some was found and suppressed.
+    pub noise: Option<&'a ImpulseReport>,
     /// What a person should know.
     pub warnings: &'a [String],
     /// Why there is no fix, if there is none.

@@ -34,6 +34,24 @@ fn bar(cn0_dbhz: f64) -> String {
     "#".repeat(halves / 2) + if halves % 2 == 1 { "+" } else { "" }
 }
 
+/// What was found of impulsive noise, and done about it; empty where there was none.
+pub fn noise_line(run: &Run) -> String {
+    run.noise.map_or(String::new(), |noise| {
+        let part = match noise.treated {
+            t if t < 0.995 => format!(" in {:.0} % of the samples", 100.0 * t),
+            _ => String::new(),
+        };
+        format!(
+            "\n  noise       impulsive{part}: {:.2} % at {:.3e} times the background's power; suppressed ({}), which costs {:.2} dB instead of {:.1} dB\n",
+            100.0 * noise.impulse_share,
+            noise.variance_ratio,
+            noise.suppression,
+            noise.loss_db,
+            noise.untreated_loss_db
+        )
+    })
+}
+
 /// What the fixes come to: first fix, median position, spread, velocity, DOP; or why there is none.
 pub fn fix_table(run: &Run) -> String {
     let (Some(s), Some(last)) = (Summary::new(run.fixes, run.stream.rate_hz), run.fixes.last())

@@ -1,41 +1,24 @@
 //! Checks of single values while a scenario is read, so that the message shows line and column.
 
 use crate::gnss::GpsTime;
+use crate::gnss::checked::number;
+pub(crate) use crate::gnss::checked::{finite, positive, some_positive};
 use serde::de::{Deserialize, Deserializer, Error};
 use serde::ser::Serializer;
 
-fn checked<'de, D: Deserializer<'de>>(
-    d: D,
-    holds: impl Fn(f64) -> bool,
-    right: &str,
-) -> Result<f64, D::Error> {
-    let value = f64::deserialize(d)?;
-    if holds(value) { Ok(value) } else { Err(D::Error::custom(format!("{value} must be {right}"))) }
-}
-
-/// A finite number.
-pub fn finite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, f64::is_finite, "finite")
-}
-
-/// A finite number above zero.
-pub fn positive<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| v > 0.0 && v.is_finite(), "above 0")
-}
-
-/// As [`positive`], for a value that may be absent.
-pub fn some_positive<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
-    positive(d).map(Some)
-}
-
 /// A share, 0 to 1.
 pub fn share<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1")
+    number(d, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1")
+}
+
+/// Power of a jammer over the background noise, dB.
+pub fn power<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    number(d, |v| (-100.0..=150.0).contains(&v), "-100 to 150 dB")
 }
 
 /// Carrier-to-noise density that a person can mean, dB-Hz.
 pub fn cn0<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| (0.0..=90.0).contains(&v), "0 to 90 dB-Hz")
+    number(d, |v| (0.0..=90.0).contains(&v), "0 to 90 dB-Hz")
 }
 
 /// As [`cn0`], for a value that may be absent.
@@ -45,17 +28,17 @@ pub fn some_cn0<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error
 
 /// An elevation, degrees.
 pub fn elevation<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| (-90.0..=90.0).contains(&v), "-90 to 90 degrees")
+    number(d, |v| (-90.0..=90.0).contains(&v), "-90 to 90 degrees")
 }
 
 /// Sampling rate, Hz: the code's main lobe needs about 2 MHz, its half still tracks.
 pub fn rate<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| (1e6..=1e9).contains(&v), "a rate from 1e6 to 1e9 samples per second")
+    number(d, |v| (1e6..=1e9).contains(&v), "a rate from 1e6 to 1e9 samples per second")
 }
 
 /// A fraction of a clock's rate in parts per million: beyond 1000 it is no oscillator.
 pub fn ppm<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    checked(d, |v| v.abs() <= 1000.0, "-1000 to 1000 ppm")
+    number(d, |v| v.abs() <= 1000.0, "-1000 to 1000 ppm")
 }
 
 /// Quantiser bits of a rail.

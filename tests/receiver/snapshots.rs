@@ -4,13 +4,11 @@ use crate::common::data_trial;
 use crate::program::median;
 use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
-use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::capture::{self, OpenOptions};
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::{GpsTime, rinex_nav};
 use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions};
 use sdr_rx::receiver::{self, Outcome, ReceiverOptions};
-use sdr_rx::tracking::TrackingOptions;
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {
@@ -42,8 +40,6 @@ fn snapshot(
     let open = OpenOptions { start_time: Some(start + off_s), ..open };
     let mut source = capture::open(&[data.join("captures").join(name)], &open)?;
     let options = ReceiverOptions {
-        search: SearchOptions::default(),
-        tracking: TrackingOptions::default(),
         positioning: SnapshotOptions {
             positioning: PositioningOptions {
                 troposphere: Troposphere::None,
@@ -53,8 +49,7 @@ fn snapshot(
         },
         navigation: rinex_nav::read(data.join("nav/brdc0010.22n"))?,
         time: source.info().start_time,
-        interval_s: 1.0,
-        decimation: 1,
+        ..ReceiverOptions::default()
     };
     Ok(receiver::process(source.as_mut(), &options, &mut |_| ())?)
 }

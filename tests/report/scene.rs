@@ -51,6 +51,7 @@ impl Scene {
             samples: Some((EPOCHS as f64 * RATE_HZ) as u64),
             start_time: None,
             format: "cs8".to_owned(),
+            array: None,
         };
         let acquisitions = epochs[0].observations.iter().map(acquisition).collect();
         let warnings = vec!["spectrum <mirrored>?".to_owned()];
@@ -59,6 +60,8 @@ impl Scene {
 
     pub fn run(&self) -> Run<'_> {
         Run {
+            sky: None,
+            noise: None,
             capture: "scene & co.bin",
             stream: &self.stream,
             acquisitions: &self.acquisitions,

@@ -1,0 +1,102 @@
+//! What an antenna array says of each satellite: from where it comes, and whether it should.
+
+use super::authenticity::{OneDirection, agrees, one_direction};
+use super::{Arrival, Bearing, Manifold, Signature, arrival};
+use crate::gnss::Sv;
+use nalgebra::{Unit, Vector3};
+
+/// What errors of attitude and elements may turn a direction by, in direction cosines (0.1 is 6 degrees at
+/// the zenith or at broadside).
+const TOLERANCE: f64 = 0.1;
+
+/// A satellite as the array sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SatelliteArrival {
+    /// The satellite.
+    pub sv: Sv,
+    /// Response of each element.
+    pub signature: Signature,
+    /// Where it comes from, where the array's geometry is known.
+    pub arrival: Option<Arrival>,
+    /// Where it should come from, where its orbit and the receiver's position are known.
+    pub predicted: Option<Prediction>,
+}
+
+/// A direction that follows from orbit and position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// As the array would measure it.
+    pub bearing: Bearing,
+    /// How far the measured direction lies from it, in direction cosines.
+    pub apart: f64,
+    /// Whether the two agree within the measurement's deviation and errors of attitude and elements.
+    pub agrees: bool,
+}
+
+/// The satellites in the array's sky.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArraySky {
+    /// Satellites found, strongest first.
+    pub satellites: Vec<SatelliteArrival>,
+    /// Whether they all come from one direction; `None` with too few to tell.
+    pub one_direction: Option<OneDirection>,
+}
+
+impl ArraySky {
+    /// From the signatures of satellites, and where the array's geometry is known, its manifold.
+    pub fn new(signatures: Vec<(Sv, Signature)>, manifold: Option<&Manifold>) -> Self {
+        let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
+        let one_direction = one_direction(&references);
+        let seen = |(sv, signature): (Sv, Signature)| SatelliteArrival {
+            sv,
+            arrival: manifold.and_then(|m| arrival(m, &signature)),
+            signature,
+            predicted: None,
+        };
+        Self { satellites: signatures.into_iter().map(seen).collect(), one_direction }
+    }
+
+    /// Compares the directions of satellites with where they should come from (unit vectors towards them, in
+    /// the frame of the manifold's elements).
+    pub fn predict(&mut self, manifold: &Manifold, expected: &[(Sv, Unit<Vector3<f64>>)]) {
+        for satellite in &mut self.satellites {
+            let known = expected.iter().find(|e| e.0 == satellite.sv);
+            let (Some((_, towards)), Some(arrival)) = (known, &satellite.arrival) else { continue };
+            let (apart, agrees) = agrees(manifold, arrival, towards, TOLERANCE);
+            let bearing = manifold.bearing(manifold.point(towards));
+            satellite.predicted = Some(Prediction { bearing, apart, agrees });
+        }
+    }
+
+    /// What of it a person should be warned of.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(OneDirection { apart, is_one: true, .. }) = self.one_direction {
+            warnings.push(format!(
+                "all {} satellites come from one direction ({:.1} % of their power lies apart from it): suspected spoofing, or channels that share one antenna",
+                self.satellites.len(),
+                100.0 * apart
+            ));
+        }
+        let compared = || self.satellites.iter().filter_map(|s| Some((s.sv, s.predicted?)));
+        let wrong: Vec<String> =
+            compared().filter(|(_, p)| !p.agrees).map(|(sv, _)| sv.to_string()).collect();
+        let right = compared().count() - wrong.len();
+        let is_one = self.one_direction.is_some_and(|o| o.is_one);
+        if !wrong.is_empty() {
+            let cause = if right == 0 && !is_one {
+                "is the array's geometry or attitude right?"
+            } else {
+                "suspected spoofing or reflection"
+            };
+            warnings.push(format!(
+                "{} not where the orbit says: {cause}",
+                match &wrong[..] {
+                    [one] => format!("{one} comes from a direction"),
+                    many => format!("{} come from directions", many.join(" ")),
+                }
+            ));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,101 @@
+//! Finding satellites in a stretch of samples: searched over all channels, then refined on a beam each.
+
+use super::input::CHUNK_S;
+use crate::acquisition::{
+    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, despread,
+    remove_shadows,
+};
+use crate::array::{Beam, Signature};
+use crate::capture::Block;
+use crate::correlator::{CodeTable, SampleBuffer};
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+/// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
+/// noise that passed the search's threshold falls by the ratio of the two lengths. Less than four times
+/// the signal of the search says nothing new.
+const CONFIRMED_DB: f64 = 6.0;
+const CONFIRMING: f64 = 4.0;
+
+/// Channels that a search sums at most; the other elements come in with the beams.
+const SEARCHED_CHANNELS: usize = 8;
+
+/// A satellite found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub(super) refined: Refined,
+    /// Its signature and the beam to it, with an array.
+    pub(super) spatial: Option<(Signature, Beam)>,
+}
+
+/// A stretch `start..end` (stream indices) of samples, held twice: as they are, and as correlators read
+/// them.
+pub(super) struct Region<'a> {
+    pub(super) block: &'a Block,
+    pub(super) buffers: &'a [SampleBuffer],
+    pub(super) rate_hz: f64,
+    pub(super) start: u64,
+    pub(super) end: u64,
+}
+
+/// Satellites in a block, over at most [`SEARCHED_CHANNELS`] of its channels.
+pub(super) fn search(
+    block: &Block,
+    rate_hz: f64,
+    options: &SearchOptions,
+) -> Result<Vec<Acquisition>, AcquisitionError> {
+    let count = block.channels().min(SEARCHED_CHANNELS);
+    let spread = |k: usize| k * block.channels() / count;
+    let channels: Vec<&[Complex32]> = (0..count).map(|k| block.channel(spread(k))).collect();
+    let plan = SearchPlan::new(rate_hz, options.clone())?;
+    let mut found = plan.search_channels(&channels)?;
+    let looks = count * plan.windows(block.len());
+    remove_shadows(&mut found, options.coherent_ms, looks);
+    Ok(found)
+}
+
+impl Region<'_> {
+    /// Refines what a search found in this stretch; what the refinement does not confirm is dropped.
+    pub(super) fn refine_all(&self, cells: &[Acquisition], searched: &SearchOptions) -> Vec<Found> {
+        let refine = |a: &Acquisition| self.refine(a, searched);
+        let mut found: Vec<Found> = cells.par_iter().filter_map(refine).collect();
+        let cn0 = |f: &Found| f.refined.acquisition.cn0_dbhz;
+        found.sort_by(|a, b| cn0(b).total_cmp(&cn0(a)));
+        found
+    }
+
+    fn refine(&self, cell: &Acquisition, searched: &SearchOptions) -> Option<Found> {
+        let span_hz = 1e3 / searched.coherent_ms as f64;
+        let searched_s = (searched.coherent_ms * searched.max_windows) as f64 * 1e-3;
+        let confirms = (self.end - self.start) as f64 / self.rate_hz >= CONFIRMING * searched_s;
+        let table = CodeTable::new(cell.sv, self.rate_hz);
+        let spatial = self.signature(cell, &table);
+        let own = spatial.as_ref().map(|s| self.beam_buffer(&s.1));
+        let buffer = own.as_ref().unwrap_or(&self.buffers[0]);
+        let refined = Refiner::new(buffer, self.rate_hz, self.start, self.end)
+            .refine(cell, &table, span_hz)
+            .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
+        let is_there = refined.acquisition.cn0_dbhz > cell.cn0_dbhz - CONFIRMED_DB;
+        (is_there || !confirms).then_some(Found { refined, spatial })
+    }
+
+    /// What the elements of an array see of a satellite, over at most [`CHUNK_S`], and the beam to it.
+    fn signature(&self, cell: &Acquisition, table: &CodeTable) -> Option<(Signature, Beam)> {
+        if self.buffers.len() < 2 {
+            return None;
+        }
+        let end = self.end.min(self.start + (CHUNK_S * self.rate_hz) as u64);
+        let prompts = despread(self.buffers, self.rate_hz, (self.start, end), cell, table);
+        let signature = Signature::estimate(&prompts)?;
+        let beam = Beam::conventional(&signature.response);
+        Some((signature, beam))
+    }
+
+    fn beam_buffer(&self, beam: &Beam) -> SampleBuffer {
+        let (mut samples, mut buffer) =
+            (Vec::new(), SampleBuffer::starting_at(self.block.first_sample()));
+        beam.form(self.block, &mut samples);
+        buffer.push(&samples);
+        buffer
+    }
+}

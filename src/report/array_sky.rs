@@ -1,0 +1,158 @@
+//! The sky as an antenna array sees it: as a table and as a JSON record.
+
+use crate::array::{ArraySky, Arrival, Bearing, SatelliteArrival};
+use crate::gnss::Sv;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Elements whose phases are printed; the JSON record has all.
+const PRINTED_ELEMENTS: usize = 4;
+
+/// A direction: the angle from the broadside of a linear array, or azimuth and elevation.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct BearingRecord {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    angle_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    azimuth_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    elevation_deg: Option<f64>,
+}
+
+impl From<Bearing> for BearingRecord {
+    fn from(bearing: Bearing) -> Self {
+        let degrees = |x: f64| Some(x.to_degrees());
+        match bearing {
+            Bearing::Cone(angle) => {
+                Self { angle_deg: degrees(angle), azimuth_deg: None, elevation_deg: None }
+            }
+            Bearing::Direction { azimuth, elevation } => Self {
+                angle_deg: None,
+                azimuth_deg: degrees(azimuth),
+                elevation_deg: degrees(elevation),
+            },
+        }
+    }
+}
+
+/// The array's sky as a record.
+#[derive(Clone, Debug, Serialize)]
+pub struct ArraySkyRecord {
+    satellites: Vec<SatelliteRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    all_from_one_direction: Option<bool>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct SatelliteRecord {
+    sv: Sv,
+    #[serde(flatten)]
+    bearing: Option<BearingRecord>,
+    /// Greatest standard deviation of the direction, as a turn in the plane of the array's coordinates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sigma_deg: Option<f64>,
+    /// Direction cosines along the array's axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cosines: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    misfit: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    expected: Option<BearingRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suspected: Option<bool>,
+    /// Gain and phase of each element against the first.
+    elements: Vec<ElementRecord>,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct ElementRecord {
+    gain_db: f64,
+    phase_deg: f64,
+}
+
+impl ArraySkyRecord {
+    /// The record of an array's sky.
+    pub fn new(sky: &ArraySky) -> Self {
+        Self {
+            satellites: sky.satellites.iter().map(SatelliteRecord::new).collect(),
+            all_from_one_direction: sky.one_direction.map(|o| o.is_one),
+        }
+    }
+}
+
+impl SatelliteRecord {
+    fn new(s: &SatelliteArrival) -> Self {
+        let first = s.signature.response[0];
+        let element = |z: &num_complex::Complex64| ElementRecord {
+            gain_db: 20.0 * (z.norm() / first.norm()).log10(),
+            phase_deg: (z / first).arg().to_degrees(),
+        };
+        let cosines = |a: &Arrival| match a.bearing {
+            Bearing::Cone(_) => vec![a.point[0]],
+            Bearing::Direction { .. } => a.point.to_vec(),
+        };
+        Self {
+            sv: s.sv,
+            bearing: s.arrival.map(|a| a.bearing.into()),
+            sigma_deg: s.arrival.as_ref().map(sigma_deg),
+            cosines: s.arrival.as_ref().map(cosines),
+            misfit: s.arrival.map(|a| a.misfit),
+            expected: s.predicted.map(|p| p.bearing.into()),
+            suspected: s.predicted.map(|p| !p.agrees),
+            elements: s.signature.response.iter().map(element).collect(),
+        }
+    }
+}
+
+/// Greatest standard deviation of the direction, degrees: near the array's plane a small change of a cosine
+/// is a great change of angle.
+fn sigma_deg(arrival: &Arrival) -> f64 {
+    let [s, t] = arrival.point;
+    let height = (1.0 - s * s - t * t).max(1e-4).sqrt();
+    (arrival.sigma[0].hypot(arrival.sigma[1]) / height).min(1.0).to_degrees()
+}
+
+fn angles(bearing: Bearing) -> String {
+    match bearing {
+        Bearing::Cone(angle) => format!("{:13.1}", angle.to_degrees()),
+        Bearing::Direction { azimuth, elevation } => {
+            format!("{:7.1} {:5.1}", azimuth.to_degrees(), elevation.to_degrees())
+        }
+    }
+}
+
+/// One line per satellite: where it comes from with its deviation, where it should come from, and the phases
+/// of the elements against the first.
+pub fn array_sky_table(sky: &ArraySky) -> String {
+    let measured = sky.satellites.iter().find_map(|s| s.arrival);
+    let what = match measured.map(|a| a.bearing) {
+        None => String::new(),
+        Some(Bearing::Cone(_)) => format!("{:>13} {:>6} {:>13}", "angle/deg", "sigma", "expected"),
+        Some(Bearing::Direction { .. }) => {
+            format!("{:>13} {:>6} {:>13}", "az, el/deg", "sigma", "expected")
+        }
+    };
+    let mut text = format!("  sv  {what}  phases of the elements against the first/deg\n");
+    for s in &sky.satellites {
+        let _ = write!(text, "  {} ", s.sv);
+        if measured.is_some() {
+            let direction = s
+                .arrival
+                .map_or(" ".repeat(20), |a| format!("{} {:6.2}", angles(a.bearing), sigma_deg(&a)));
+            let expected = s.predicted.map_or(" ".repeat(13), |p| angles(p.bearing));
+            let _ = write!(text, "{direction} {expected} ");
+        }
+        for z in s.signature.response.iter().skip(1).take(PRINTED_ELEMENTS) {
+            let phase = (z / s.signature.response[0]).arg().to_degrees();
+            let _ = write!(text, " {phase:+7.1}");
+        }
+        if s.signature.response.len() > PRINTED_ELEMENTS + 1 {
+            text += " ...";
+        }
+        if s.predicted.is_some_and(|p| !p.agrees) {
+            text += "  suspected";
+        }
+        text += "\n";
+    }
+    text
+}
