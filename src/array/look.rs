@@ -112,7 +112,7 @@ pub fn look(
     }
     let jane = Jane::new(manifold, options.jane)?;
     let decision =
-        jane.decide_covariance(with_floor(&r, interference, floor).as_ref(), samples as f64, Some(floor), &start)?;
+        jane.decide_covariance(&with_floor(&r, interference, floor), samples as f64, Some(floor), &start)?;
     picture.sources = decision.sources;
     picture.sources.iter_mut().for_each(|s| s.power /= floor);
     Ok(picture)
