@@ -8,7 +8,7 @@ use num_complex::{Complex32, Complex64};
 use sdr_rx::capture::{self, Block, Datatype, OpenOptions, SampleSource, SigmfWriter};
 use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::constants::L1_WAVELENGTH;
-use sdr_rx::scenario::{Scenario, ScenarioSource};
+use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -16,6 +16,7 @@ pub fn trials() -> Vec<Trial> {
     vec![
         Trial::test("each_element_hears_the_plane_wave_of_the_turned_array", plane_wave),
         Trial::test("threads_change_nothing_and_the_origin_hears_a_single_antenna", threads),
+        Trial::test("a_front_end_of_ones_own_is_told_which_element_it_serves", own_front_end),
         Trial::test("impulses_strike_elements_alone_or_together_as_asked", impulses),
         Trial::test("jammers_have_the_power_frequency_time_and_direction_asked_for", jammers),
         Trial::test("a_spoofer_sends_its_satellites_from_one_direction", spoofer),
@@ -114,6 +115,28 @@ fn threads() -> Result<(), Failed> {
     let same = one.channel(0).iter().zip(one.channel(1)).filter(|(a, b)| a == b).count();
     // Two independent 8-bit samples of 32 steps rms agree in 1 / (2 sqrt(pi) 32) of cases per rail.
     assert!(same < 40, "{same}");
+    Ok(())
+}
+
+fn own_front_end() -> Result<(), Failed> {
+    struct Number;
+    impl FrontEnd for Number {
+        fn delay(&self) -> usize {
+            0
+        }
+        fn process(&mut self, channel: usize, samples: &mut [Complex32]) {
+            samples.fill(Complex32::new(channel as f32, 0.0));
+        }
+    }
+    let scenario =
+        with_satellites(&["G21"], "[array]\nlinear = { count = 3 }\n[front_end]\nrate_hz = 2e6");
+    let mut source = ScenarioSource::with_front_end(&scenario, Box::new(Number))?;
+    let mut block = Block::default();
+    source.read(&mut block, 1000).map_err(|e| e.to_string())?;
+    assert_eq!((block.channels(), block.len()), (3, 1000));
+    for channel in 0..3 {
+        assert!(block.channel(channel).iter().all(|x| x.re == channel as f32));
+    }
     Ok(())
 }
 
@@ -299,6 +322,11 @@ fn sigmf_files() -> Result<(), Failed> {
     assert!(elements.iter().all(|p| p.x.abs() < 1e-12 && p.z.abs() < 1e-12));
     let weights = array.calibration.ok_or("no calibration")?;
     assert!((weights[0] - 1.0).norm() < 1e-15 && (weights[1] + Complex64::I).norm() < 1e-15);
+    // A list that is neither this file's element nor holds it.
+    let text = std::fs::read_to_string(&paths[1])?;
+    std::fs::write(&paths[1], text.replace("[{\"point\": [0, -0.3, 0]}]", "[]"))?;
+    let error = capture::open(&paths, &OpenOptions::default()).err().ok_or("accepted")?.to_string();
+    assert!(error.contains("spatial:element_geometry: 0 elements"), "{error}");
     Ok(())
 }
 
