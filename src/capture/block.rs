@@ -1,6 +1,7 @@
 //! The block: what flows from the antenna to the correlators.
 
 use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 
 /// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -106,6 +107,12 @@ impl Block {
                 out.step_by(self.channels).zip(samples).for_each(|(out, x)| *out = *x);
             }
         }
+    }
+
+    /// The samples of all channels, one slice each, in parallel.
+    pub fn par_channels_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Complex32]> {
+        let len = self.len().max(1);
+        self.samples.par_chunks_exact_mut(len)
     }
 
     /// The samples of all channels, one slice each.

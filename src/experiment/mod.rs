@@ -1,5 +1,6 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
+pub mod front_end;
 pub mod random;
 pub mod scene;
 

@@ -65,6 +65,7 @@ impl Default for ReceiverOptions {
             navigation: NavigationData::default(),
             time: None,
             interval_s: 1.0,
+            array: None,
             suppression: Suppression::default(),
             decimation: 1,
         }

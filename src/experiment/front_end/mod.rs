@@ -11,7 +11,6 @@ mod theory;
 pub use report::{csv, plot, table};
 
 use crate::acquisition::SearchOptions;
-use crate::capture::SampleSource;
 use crate::front_end::mixture::Mixture;
 use crate::front_end::{Map, Suppression};
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ, SPEED_OF_LIGHT};
@@ -20,7 +19,7 @@ use crate::receiver::{self, ReceiverError, ReceiverOptions};
 use crate::scenario::{Scenario, ScenarioError, ScenarioSource, TruthEpoch};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use theory::{band_loss_db, noise_figure_loss_db, quantiser_loss_db};
+use theory::{band_loss_db, code_separation_s, noise_figure_loss_db, quantiser_loss_db};
 
 /// Signal of each run, s: what a refinement uses.
 const SECONDS: f64 = 0.2;
@@ -76,6 +75,9 @@ pub struct Row {
     pub loss_db: Option<f64>,
     /// The loss that theory predicts, where it does.
     pub theory_loss_db: Option<f64>,
+    /// The same where the other satellites' codes are part of the noise, as they are in what is measured: the
+    /// front end adds nothing to them.
+    pub expected_loss_db: Option<f64>,
     /// Error of code phases about their mean in a run, m, rms.
     pub code_m: Option<f64>,
     /// Error of Dopplers, Hz, rms.
@@ -113,7 +115,7 @@ pub fn sweep(scenario: &Scenario, runs: usize) -> Result<Vec<Row>, FrontEndError
         .par_iter()
         .map(|cell| (0..runs as u64).into_par_iter().map(|k| cell.run(k)).collect())
         .collect::<Result<_, _>>()?;
-    Ok(cells.into_iter().zip(&all).map(|(cell, runs)| row(cell, runs, &all[0])).collect())
+    Ok(cells.iter().zip(&all).map(|(cell, runs)| row(cell, runs, &cells[0], &all[0])).collect())
 }
 
 /// The settings, the ideal front end first.
@@ -185,11 +187,22 @@ fn cells(given: &Scenario) -> Vec<Cell> {
             scenario.noise.impulse_share = share;
             scenario.noise.impulse_variance_ratio = ratio;
             let theory_loss_db = Some(map.loss_db(&law));
-            cells.push(Cell { property: "impulses", setting, scenario, suppression, theory_loss_db });
+            cells.push(Cell {
+                property: "impulses",
+                setting,
+                scenario,
+                suppression,
+                theory_loss_db,
+            });
         }
     }
     let auto = Suppression::Auto;
-    cells.push(Cell { property: "impulses", setting: "none, auto".into(), suppression: auto, ..cells[0].clone() });
+    cells.push(Cell {
+        property: "impulses",
+        setting: "none, auto".into(),
+        suppression: auto,
+        ..cells[0].clone()
+    });
     cells
 }
 
@@ -235,9 +248,13 @@ impl Cell {
     }
 
     fn options(&self, navigation: NavigationData, time: GpsTime) -> ReceiverOptions {
-        let doppler_hz = SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_HZ;
+        let doppler_hz =
+            SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_HZ;
         let mut options = ReceiverOptions {
-            search: SearchOptions { doppler_hz: (-doppler_hz, doppler_hz), ..SearchOptions::default() },
+            search: SearchOptions {
+                doppler_hz: (-doppler_hz, doppler_hz),
+                ..SearchOptions::default()
+            },
             navigation,
             time: Some(time),
             suppression: self.suppression,
@@ -253,7 +270,7 @@ fn error_m(position_m: Vector3<f64>, truth: &TruthEpoch) -> f64 {
 }
 
 /// The runs of a cell beside those of the ideal front end.
-fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
+fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> Row {
     let pairs = runs.iter().zip(ideal).flat_map(|(a, b)| a.satellites.iter().zip(&b.satellites));
     let losses = pairs.filter_map(|(a, b)| Some(b.as_ref()?.cn0_dbhz - a.as_ref()?.cn0_dbhz));
     let found = || runs.iter().flat_map(|r| r.satellites.iter().flatten());
@@ -263,6 +280,10 @@ fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
         let common = mean(codes.iter().copied()).unwrap_or(0.0);
         codes.into_iter().map(move |c| c - common)
     });
+    let expected = |loss_db: f64| {
+        let others = codes_over_noise(&first.scenario, ideal);
+        10.0 * ((10f64.powf(loss_db / 10.0) + others) / (1.0 + others)).log10()
+    };
     let positions = || runs.iter().filter_map(|r| r.position_m);
     Row {
         satellites: runs.iter().map(|r| r.satellites.len()).sum(),
@@ -270,14 +291,23 @@ fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
         false_ones: runs.iter().map(|r| r.false_ones).sum(),
         loss_db: mean(losses),
         theory_loss_db: cell.theory_loss_db,
+        expected_loss_db: cell.theory_loss_db.map(expected),
         code_m: rms(codes),
         doppler_hz: rms(found().map(|m| m.doppler_hz)),
         runs: runs.len(),
         fixes: positions().count(),
         position_m: rms(positions()),
         property: cell.property,
-        setting: cell.setting,
+        setting: cell.setting.clone(),
     }
+}
+
+/// What the codes of the other satellites add to the noise of one, with the ideal front end.
+fn codes_over_noise(scenario: &Scenario, ideal: &[Run]) -> f64 {
+    let runs = ideal.len().max(1) as f64;
+    let satellites: f64 = ideal.iter().map(|r| r.satellites.len() as f64 / runs).sum();
+    let cn0 = 10f64.powf(scenario.signal.cn0_dbhz / 10.0);
+    (satellites - 1.0).max(0.0) * cn0 * code_separation_s(scenario.front_end.rate_hz)
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
