@@ -1,6 +1,8 @@
 //! The whole receiver from outside: captures go in, the JSON record and the files come out (needs
 //! `SDR_RX_DATA`; RTKLIB's `rnx2rtkp` and gpsd's `gpsdecode` where a test's name says so).
 
+#[path = "receiver/array.rs"]
+mod array;
 #[path = "receiver/brute_force.rs"]
 mod brute_force;
 mod common;
@@ -28,6 +30,7 @@ fn main() {
         snapshots::trials(),
         mistakes::trials(),
         scenarios::trials(),
+        array::trials(),
         impulses::trials(),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();

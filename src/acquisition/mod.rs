@@ -5,6 +5,7 @@
 //! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
 
 pub mod carrier;
+mod code_period_search;
 mod consistency;
 mod cross_correlation;
 mod despread;
@@ -12,6 +13,7 @@ mod refine;
 mod search;
 pub mod statistics;
 
+pub use code_period_search::{CodeFound, CodePeriodLook, CodePeriodOptions, search_code_periods};
 pub use consistency::{Slip, find_slip, is_mirrored};
 pub use cross_correlation::remove_shadows;
 pub use despread::despread;

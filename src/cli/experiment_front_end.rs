@@ -6,7 +6,7 @@ use sdr_rx::scenario::Scenario;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Bits, bandwidth, IF, oscillator, noise figure and impulses: what each does to acquisition and fix
+/// Bits, bandwidth, IF, oscillator, noise figure, elements, impulses: what each does to acquisition and fix
 ///
 /// Example: sdr-rx experiment front-end signals/static_8sv.toml --quick
 #[derive(clap::Args)]

@@ -1,8 +1,7 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
 pub mod front_end;
-pub mod random;
 pub mod scene;
 
-pub use random::SplitMix64;
+pub use crate::array::random::SplitMix64;
 pub use scene::{Scene, Snapshots};

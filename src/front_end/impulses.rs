@@ -14,8 +14,9 @@ use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples that a first look takes from a block.
+/// Samples that a first look takes from a block, in so many places.
 const LOOK: usize = 1024;
+const PLACES: usize = 16;
 /// Powers (bins of a sixteenth of an octave) that the look must show, or the converter is coarse: one and two
 /// bits a rail show at most 3, three bits 9, and four bits of real samples 8.
 const LEAST_POWERS: usize = 16;
@@ -240,8 +241,9 @@ impl ImpulseSuppressor {
 impl Channel {
     /// `forced`: a law is wanted whatever the noise.
     fn estimate(&mut self, map: Map, forced: bool, real: bool, samples: &[Complex32]) {
-        let looked = || samples.iter().step_by(samples.len().div_ceil(LOOK).max(1));
-        let scale = scale(looked().copied()).or_else(|| scale(samples.iter().copied()));
+        let places = || samples.chunks(samples.len().div_ceil(PLACES).max(1));
+        let looked = || places().flat_map(|place| place.iter().take(LOOK / PLACES));
+        let scale = scale(looked()).or_else(|| scale(samples.iter()));
         let Some(scale) = scale else { return };
         self.powers.clear();
         looked().for_each(|z| self.powers.add((z * scale).norm_sqr()));
@@ -285,7 +287,7 @@ fn law(powers: &PowerHistogram, forced: bool, real: bool) -> Option<Mixture> {
 }
 
 /// The power of two that brings the greatest number of some samples to 1 to 2; `None` of zeros.
-fn scale(samples: impl Iterator<Item = Complex32>) -> Option<f32> {
+fn scale<'a>(samples: impl Iterator<Item = &'a Complex32>) -> Option<f32> {
     let finite = samples.flat_map(|z| [z.re.abs(), z.im.abs()]).filter(|x| x.is_finite());
     let peak = finite.fold(0f32, f32::max);
     (peak > 0.0).then(|| 2f32.powi(-(f64::from(peak).log2().floor().clamp(-126.0, 126.0) as i32)))

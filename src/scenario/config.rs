@@ -2,7 +2,9 @@
 
 use super::ScenarioError;
 use super::constellation::Walker;
+use super::direction::Spoofer;
 use super::front_end::FrontEndSettings;
+use super::jammer::Jammer;
 use super::noise::GaussianMixture;
 use super::receiver::{MAX_ACCELERATION, Motion, Receiver};
 use super::values;
@@ -51,6 +53,12 @@ pub struct Scenario {
     /// Antenna array, a channel for each element; absent: one antenna.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array: Option<ArrayDescription>,
+    /// Jammers.
+    #[serde(default, rename = "jammer", skip_serializing_if = "Vec::is_empty")]
+    pub jammers: Vec<Jammer>,
+    /// A transmitter that takes the satellites' place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spoofer: Option<Spoofer>,
     /// Front end.
     pub front_end: FrontEndSettings,
 }
@@ -176,6 +184,9 @@ pub struct Noise {
     /// Variance of impulsive samples over that of the background.
     #[serde(default = "one", deserialize_with = "values::positive")]
     pub impulse_variance_ratio: f64,
+    /// Share of the impulses, 0 to 1, that strike all elements of an array at once.
+    #[serde(default, deserialize_with = "values::share")]
+    pub impulse_common_share: f64,
 }
 
 fn yes() -> bool {
@@ -194,6 +205,7 @@ impl Default for Noise {
             background_variance: 1.0,
             impulse_share: share,
             impulse_variance_ratio: ratio,
+            impulse_common_share: 0.0,
         }
     }
 }
@@ -269,6 +281,17 @@ impl Scenario {
         }
         if !self.signal.fading.is_sorted_by(|a, b| a[0] < b[0]) {
             return Some("[signal] fading: the points' times must increase".into());
+        }
+        for (k, jammer) in self.jammers.iter().enumerate() {
+            let wrong = jammer.direction.towards(self.array.as_ref()).err();
+            if let Some(text) = wrong.or_else(|| jammer.conflict(self.front_end.rate_hz)) {
+                return Some(format!("[[jammer]] {}: {text}", k + 1));
+            }
+        }
+        if let Some(spoofer) = &self.spoofer
+            && let Err(text) = spoofer.direction.towards(self.array.as_ref())
+        {
+            return Some(format!("[spoofer] {text}"));
         }
         self.front_end.conflict().map(|text| format!("[front_end] {text}"))
     }

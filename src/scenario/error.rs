@@ -82,6 +82,17 @@ pub enum ScenarioError {
         /// The satellite.
         sv: Sv,
     },
+    /// A spoofed satellite that is not simulated.
+    #[error("[spoofer] satellites: {sv} is not among the satellites simulated: {known}")]
+    SpoofedUnknown {
+        /// The satellite.
+        sv: Sv,
+        /// Which ones are.
+        known: String,
+    },
+    /// A direction that the array does not have.
+    #[error("{0}")]
+    Direction(String),
     /// Klobuchar's model without coefficients.
     #[error(
         "ionosphere = \"klobuchar\" needs coefficients, and the orbits have none: give [atmosphere] klobuchar = {{ alpha = [..4], beta = [..4] }}"

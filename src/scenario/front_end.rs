@@ -4,6 +4,7 @@ use super::fir::{LowPass, low_pass_taps};
 use super::quantiser::Quantiser;
 use super::values;
 use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Samples that are conditioned together: the AGC's gain is constant over them.
@@ -17,6 +18,12 @@ pub trait FrontEnd: Send {
     /// Turns the next antenna samples of a channel, in place, into what its ADC gives. The calls of one
     /// channel follow each other without gap; lengths are multiples of 256 and the same for all.
     fn process(&mut self, channel: usize, samples: &mut [Complex32]);
+
+    /// Does that for all channels; a front end whose channels know nothing of each other may do it in
+    /// parallel.
+    fn process_all(&mut self, channels: &mut [Vec<Complex32>]) {
+        channels.iter_mut().enumerate().for_each(|(c, samples)| self.process(c, samples));
+    }
 }
 
 /// Settings of the [`StandardFrontEnd`], in the order in which they act.
@@ -100,19 +107,24 @@ impl FrontEndSettings {
 
 /// The standard front end: low-pass, mixer, (real part,) IQ imbalance, gain, offset, quantiser.
 pub struct StandardFrontEnd {
-    filters: Vec<Option<LowPass>>,
+    stages: Stages,
+    channels: Vec<ChannelState>,
+}
+
+/// What all channels have in common.
+struct Stages {
     nco: Option<Nco>,
     real: bool,
     imbalance: Option<[f32; 2]>,
     agc_share: f64,
-    channels: Vec<ChannelState>,
     dc_offset: [f32; 2],
     quantiser: Option<Quantiser>,
 }
 
 /// What a channel remembers from block to block.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct ChannelState {
+    filter: Option<LowPass>,
     sample: u64,
     power: f64,
 }
@@ -143,29 +155,43 @@ impl StandardFrontEnd {
         let agc_share = settings
             .agc_time_constant_s
             .map_or(0.0, |tau| 1.0 - (-(CHUNK as f64) / (settings.rate_hz * tau)).exp());
-        Self {
-            filters: vec![taps.map(LowPass::new); channels],
+        let filter = taps.map(LowPass::new);
+        let channel = ChannelState { filter, sample: 0, power: power * noise_gain };
+        let stages = Stages {
             nco,
             real: settings.real,
             imbalance: (imbalance != [0.0, 1.0]).then_some(imbalance),
             agc_share,
-            channels: vec![ChannelState { sample: 0, power: power * noise_gain }; channels],
             dc_offset: settings.dc_offset.map(|v| v as f32),
             quantiser: settings.bits.map(|bits| Quantiser::new(bits, settings.rms_steps)),
-        }
+        };
+        Self { stages, channels: vec![channel; channels] }
     }
 }
 
 impl FrontEnd for StandardFrontEnd {
     fn delay(&self) -> usize {
-        self.filters[0].as_ref().map_or(0, LowPass::delay)
+        self.channels.first().and_then(|c| c.filter.as_ref()).map_or(0, LowPass::delay)
     }
 
     fn process(&mut self, channel: usize, samples: &mut [Complex32]) {
-        if let Some(filter) = &mut self.filters[channel] {
+        self.stages.process(&mut self.channels[channel], samples);
+    }
+
+    fn process_all(&mut self, channels: &mut [Vec<Complex32>]) {
+        if let ([state], [samples]) = (&mut self.channels[..], &mut *channels) {
+            return self.stages.process(state, samples);
+        }
+        let pairs = self.channels.par_iter_mut().zip(channels.par_iter_mut());
+        pairs.for_each(|(state, samples)| self.stages.process(state, samples));
+    }
+}
+
+impl Stages {
+    fn process(&self, state: &mut ChannelState, samples: &mut [Complex32]) {
+        if let Some(filter) = &mut state.filter {
             filter.process(samples);
         }
-        let state = &mut self.channels[channel];
         for chunk in samples.chunks_mut(CHUNK) {
             if let Some(nco) = &self.nco {
                 nco.turn(state.sample, chunk);

@@ -5,15 +5,20 @@
 //! [`ScenarioSource`] gives the samples as any other source does, and the truth at any sample.
 //!
 //! The chain, one file each: `constellation` and navigation files give ephemerides; `pseudorange` the
-//! exact code and carrier range by the receiver's clock; `message` the bits; `kernel` turns
-//! them into samples at the antenna; `noise` adds to them; `front_end` (with `fir` and `quantiser`)
+//! exact code and carrier range by the receiver's clock; `message` the bits; `emission` makes chips and
+//! carrier of them, with each element's response, and `element` (on `kernel`) the samples at the antenna,
+//! where `noise`, `jammer` and spoofer (`direction`) add theirs; `front_end` (with `fir` and `quantiser`)
 //! makes of them what an ADC gives.
 
 pub mod config;
 pub mod constellation;
+pub mod direction;
+mod element;
+mod emission;
 mod error;
 pub mod fir;
 pub mod front_end;
+pub mod jammer;
 pub mod kernel;
 pub mod message;
 pub mod noise;
@@ -27,8 +32,10 @@ mod truth;
 mod values;
 
 pub use config::Scenario;
+pub use direction::{Direction, Spoofer};
 pub use error::ScenarioError;
 pub use front_end::{FrontEnd, StandardFrontEnd};
+pub use jammer::{Jammer, JammerKind};
 pub use raw_writer::{RawFormat, RawWriter};
 pub use source::ScenarioSource;
-pub use truth::{SatelliteTruth, Truth, TruthEpoch};
+pub use truth::{Arrival, JammerTruth, SatelliteTruth, Truth, TruthEpoch};

@@ -31,7 +31,20 @@ pub struct NoiseSource {
     normal: ChaCha8Rng,
     gate: ChaCha8Rng,
     law: GaussianMixture,
+    common: Option<CommonImpulses>,
     bits: Vec<u32>,
+}
+
+/// Impulses that strike all channels at once.
+struct CommonImpulses {
+    gate: ChaCha8Rng,
+    threshold: u64,
+    bits: Vec<u32>,
+}
+
+/// What a 32-bit word is below with this probability.
+fn threshold(share: f64) -> u64 {
+    (share * 2f64.powi(32)) as u64
 }
 
 impl NoiseSource {
@@ -42,7 +55,23 @@ impl NoiseSource {
             rng.set_stream(kind << 32 | channel as u64);
             rng
         };
-        Self { normal: stream(1), gate: stream(2), law, bits: Vec::new() }
+        Self { normal: stream(1), gate: stream(2), law, common: None, bits: Vec::new() }
+    }
+
+    /// The same where a share `common` of the impulses strikes all channels of this `seed` at once, each
+    /// with noise of its own. The share of impulsive samples at a channel stays that of the law: with a
+    /// common share a = e common, a channel's own is b with 1 - (1 - a)(1 - b) = e.
+    pub fn with_common_impulses(mut self, common: f64, seed: u64) -> Self {
+        let share = self.law.share * common;
+        if share > 0.0 {
+            let mut gate = ChaCha8Rng::seed_from_u64(seed);
+            gate.set_stream(4 << 32);
+            self.common =
+                Some(CommonImpulses { gate, threshold: threshold(share), bits: Vec::new() });
+            self.law.share =
+                if share < 1.0 { (self.law.share - share) / (1.0 - share) } else { 0.0 };
+        }
+        self
     }
 
     /// Adds to (`re`, `im`), of one length, the noise of samples `first`, `first` + 1, ...
@@ -53,7 +82,7 @@ impl NoiseSource {
         self.normal.fill_bytes(bytemuck::cast_slice_mut(&mut self.bits));
         let sigma = std::f32::consts::FRAC_1_SQRT_2;
         let background = [sigma; 2];
-        if self.law.share == 0.0 {
+        if self.law.share == 0.0 && self.common.is_none() {
             return add_normal(&self.bits, &[], 0, background, re, im);
         }
         let (bits, gates) = (self.bits.len(), len);
@@ -61,7 +90,17 @@ impl NoiseSource {
         let (normal, gate) = self.bits.split_at_mut(bits);
         self.gate.set_word_pos(u128::from(first));
         self.gate.fill_bytes(bytemuck::cast_slice_mut(gate));
-        let threshold = (self.law.share * 2f64.powi(32)) as u64;
+        let mut threshold = threshold(self.law.share);
+        if let Some(common) = &mut self.common {
+            // A gate word of 0 is an impulse.
+            threshold = threshold.max(1);
+            common.bits.resize(gates, 0);
+            common.gate.set_word_pos(u128::from(first));
+            common.gate.fill_bytes(bytemuck::cast_slice_mut(&mut common.bits));
+            for (word, &common_word) in gate.iter_mut().zip(&common.bits) {
+                *word *= u32::from(u64::from(common_word) >= common.threshold);
+            }
+        }
         let sigmas = [sigma, sigma * self.law.ratio.sqrt() as f32];
         add_normal(normal, gate, threshold, sigmas, re, im);
     }

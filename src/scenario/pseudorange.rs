@@ -120,6 +120,11 @@ impl PseudorangeTable {
         &self.knots[1]
     }
 
+    /// The exact view at the end of the current interval.
+    pub fn next_view(&self) -> &View {
+        &self.knots[2]
+    }
+
     /// Pseudoranges at a share `x` (0 to 1) of the current interval (Lagrange's cubic, in the form of
     /// Neville's divided differences around the first middle knot, which keeps all digits).
     pub fn at(&self, x: f64) -> Pseudorange {

@@ -10,6 +10,7 @@ use crate::gnss::lnav::IonosphereUtc;
 use crate::gnss::navigation_data::UtcParameters;
 use crate::gnss::prn_code::ca_code;
 use crate::gnss::{Constellation, Ephemeris, NavigationData, Sv, rinex_nav};
+use nalgebra::{Unit, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -26,6 +27,8 @@ pub(super) struct Emitter {
     pub message: MessageStream,
     /// Carrier phase at zero range, cycles.
     pub phase: f64,
+    /// From where its signal arrives (east, north, up), when not from the satellite.
+    pub spoofed_from: Option<Unit<Vector3<f64>>>,
 }
 
 impl Scenario {
@@ -89,6 +92,9 @@ impl Scenario {
         };
         let trajectory = Trajectory::new(&self.receiver, self.start);
         let constellation = Arc::new(self.broadcast(&data));
+        let spoofed_from = self.spoofer.as_ref().map(|s| s.direction.towards(self.array.as_ref()));
+        let spoofed_from = spoofed_from.transpose().map_err(ScenarioError::Direction)?;
+        let is_spoofed = |sv| self.spoofer.as_ref().is_some_and(|s| s.sends(sv));
         let mut emitters = Vec::new();
         for ephemeris in self.chosen(&data)? {
             let sv = ephemeris.sv;
@@ -111,10 +117,18 @@ impl Scenario {
                 message: MessageStream::new(ephemeris, Arc::clone(&constellation))
                     .map_err(|source| ScenarioError::Message { sv, source })?,
                 phase: f64::from(rng.next_u32()) / 2f64.powi(32),
+                spoofed_from: spoofed_from.filter(|_| is_spoofed(sv)),
             });
         }
         if emitters.is_empty() {
             return Err(ScenarioError::NothingVisible { mask_deg: self.elevation_mask_deg });
+        }
+        let listed = self.spoofer.iter().flat_map(|s| s.satellites.iter().flatten());
+        for &sv in listed {
+            if emitters.iter().all(|e| e.sv != sv) {
+                let known: Vec<String> = emitters.iter().map(|e| e.sv.to_string()).collect();
+                return Err(ScenarioError::SpoofedUnknown { sv, known: known.join(" ") });
+            }
         }
         Ok(emitters)
     }

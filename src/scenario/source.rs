@@ -1,46 +1,42 @@
 //! The scenario as a source of samples.
 
-use super::kernel::{TABLE, mix_add, spread};
-use super::noise::NoiseSource;
+use super::element::Element;
+use super::emission::{Emission, SEGMENTS, amplitude};
+use super::jammer::Interference;
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
-use crate::gnss::antenna::ArrayDescription;
-use crate::gnss::constants::{
-    CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH, SPEED_OF_LIGHT,
-};
+use crate::gnss::Sv;
+use crate::gnss::antenna::{AntennaArray, ArrayDescription};
+use crate::gnss::constants::CA_CODE_PERIOD;
 use crate::gnss::lnav::LnavError;
-use crate::gnss::{GpsTime, Sv};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
+use rayon::prelude::*;
 
-/// Segments of constant code and carrier rate in a frame, at whose ends lie the pseudorange knots.
-const SEGMENTS: usize = 8;
-
-/// A source that makes the samples of a [`Scenario`]: any blocks give the same samples.
+/// A source that makes the samples of a [`Scenario`]: any blocks give the same samples, and any number of
+/// threads.
 ///
 /// The stream is made in frames of 8 segments; a segment is the power of two of samples that lasts at
 /// most 1 ms. Each frame is a function of its index, and the front end runs over the frames in order,
-/// beginning one frame before the first sample so that its filter has a past.
+/// beginning one frame before the first sample so that its filter has a past. What the satellites send is
+/// made once, and the elements of an array take it in parallel.
 pub struct ScenarioSource {
     info: StreamInfo,
     scenario: Scenario,
+    array: Option<AntennaArray>,
     emitters: Vec<Emitter>,
-    noise: Vec<NoiseSource>,
+    emissions: Vec<Emission>,
+    jamming: Vec<Interference>,
+    elements: Vec<Element>,
     front_end: Box<dyn FrontEnd>,
+    /// Samples in a segment.
     segment: usize,
+    /// Segments that are made at a time.
+    batch: usize,
     next_frame: i64,
-    antenna: Antenna,
     ready: Vec<Vec<Complex32>>,
     taken: usize,
     left: u64,
-}
-
-/// Scratch of one segment at one antenna element.
-struct Antenna {
-    chips: Vec<f32>,
-    signed: Box<[f32; TABLE]>,
-    re: Vec<f32>,
-    im: Vec<f32>,
 }
 
 impl ScenarioSource {
@@ -49,8 +45,8 @@ impl ScenarioSource {
     /// # Errors
     /// When orbits cannot be read, are of another time, or show no satellite.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
-        Self::build(scenario, |power| {
-            Box::new(StandardFrontEnd::new(&scenario.front_end, 1, power))
+        Self::build(scenario, |channels, power| {
+            Box::new(StandardFrontEnd::new(&scenario.front_end, channels, power))
         })
     }
 
@@ -63,29 +59,35 @@ impl ScenarioSource {
         scenario: &Scenario,
         front_end: Box<dyn FrontEnd>,
     ) -> Result<Self, ScenarioError> {
-        Self::build(scenario, |_| front_end)
+        Self::build(scenario, |_, _| front_end)
     }
 
     fn build(
         scenario: &Scenario,
-        front_end: impl FnOnce(f64) -> Box<dyn FrontEnd>,
+        front_end: impl FnOnce(usize, f64) -> Box<dyn FrontEnd>,
     ) -> Result<Self, ScenarioError> {
         let rate = scenario.front_end.rate_hz;
         let segment = 1usize << (rate * CA_CODE_PERIOD).log2().floor() as u32;
         let frame = SEGMENTS * segment;
         let emitters = scenario.emitters(frame as f64 / rate)?;
-        let channels = 1;
-        let noise_power =
-            if scenario.noise.enabled { scenario.noise.background_variance } else { 0.0 };
-        let amplitude = |e: &Emitter| {
+        let array = scenario.array.as_ref().map(ArrayDescription::real_in_enu);
+        let channels = array.as_ref().map_or(1, AntennaArray::len);
+        let jamming =
+            Interference::all(scenario, array.as_ref()).map_err(ScenarioError::Direction)?;
+        let signal_power = |e: &Emitter| {
             let cn0 = scenario.signal.cn0_dbhz(e.sv, e.range.view().elevation, 0.0);
-            amplitude(scenario, cn0)
+            amplitude(scenario, cn0).powi(2)
         };
-        let signal_power: f64 = emitters.iter().map(|e| amplitude(e).powi(2)).sum();
-        let front_end = front_end(noise_power + signal_power);
+        let signals: f64 = emitters.iter().map(signal_power).sum();
+        let ratio = |j: &Interference| 10f64.powf(j.jammer().power_db / 10.0);
+        let jammers: f64 = jamming.iter().map(ratio).sum();
+        let background = if scenario.noise.enabled { 1.0 } else { 0.0 };
+        let power = (background + jammers) * scenario.noise.background_variance + signals;
+        let front_end = front_end(channels, power);
+        // The chips of a single antenna stay in the nearest cache; many elements share a whole frame.
+        let batch = if channels == 1 { 1 } else { SEGMENTS };
         let samples = (scenario.duration_s * rate).round() as u64;
         let skip = frame + front_end.delay();
-        let law = scenario.noise.law();
         let mut source = Self {
             info: StreamInfo {
                 rate_hz: rate,
@@ -98,17 +100,15 @@ impl ScenarioSource {
                 array: scenario.array.as_ref().map(ArrayDescription::without_errors),
             },
             scenario: scenario.clone(),
+            array,
+            emissions: emitters.iter().map(|_| Emission::new(batch, segment)).collect(),
             emitters,
-            noise: (0..channels).map(|c| NoiseSource::new(law, scenario.seed, c)).collect(),
+            jamming,
+            elements: (0..channels).map(|c| Element::new(scenario, c, segment)).collect(),
             front_end,
             segment,
+            batch,
             next_frame: -1,
-            antenna: Antenna {
-                chips: vec![0.0; segment],
-                signed: Box::new([0.0; TABLE]),
-                re: vec![0.0; segment],
-                im: vec![0.0; segment],
-            },
             ready: vec![vec![Complex32::ZERO; frame]; channels],
             taken: frame,
             left: samples,
@@ -140,6 +140,10 @@ impl ScenarioSource {
         &self.emitters
     }
 
+    pub(super) fn jamming(&self) -> &[Interference] {
+        &self.jamming
+    }
+
     fn skip(&mut self, mut samples: usize) -> Result<(), (Sv, LnavError)> {
         while samples > 0 {
             let run = self.available()?.min(samples);
@@ -152,100 +156,43 @@ impl ScenarioSource {
     /// Samples ready to be taken; makes the next frame when there are none.
     fn available(&mut self) -> Result<usize, (Sv, LnavError)> {
         if self.taken == self.ready[0].len() {
-            for channel in 0..self.ready.len() {
-                self.make_frame(channel)?;
-                self.front_end.process(channel, &mut self.ready[channel]);
-            }
+            self.make_frame()?;
+            self.front_end.process_all(&mut self.ready);
             self.next_frame += 1;
             self.taken = 0;
         }
         Ok(self.ready[0].len() - self.taken)
     }
 
-    /// Makes the antenna samples of the next frame for one channel.
-    fn make_frame(&mut self, channel: usize) -> Result<(), (Sv, LnavError)> {
-        let Self { emitters, antenna, noise, scenario, .. } = self;
-        let frame = self.segment * SEGMENTS;
-        let segment_s = self.segment as f64 / self.info.rate_hz;
+    /// Makes the antenna samples of the next frame.
+    fn make_frame(&mut self) -> Result<(), (Sv, LnavError)> {
+        let Self { emitters, emissions, jamming, elements, ready, scenario, array, .. } = self;
+        let frame = SEGMENTS * self.segment;
         let start = self.next_frame as f64 * frame as f64 / self.info.rate_hz;
         emitters.iter_mut().for_each(|e| e.range.move_to(self.next_frame));
-        let level = (scenario.noise.background_variance).sqrt() as f32;
-        for (k, out) in self.ready[channel].chunks_exact_mut(self.segment).enumerate() {
-            antenna.re.fill(0.0);
-            antenna.im.fill(0.0);
-            if scenario.noise.enabled {
-                let first = (self.next_frame + 1) as u64 * frame as u64 + (k * self.segment) as u64;
-                noise[channel].add(first, &mut antenna.re, &mut antenna.im);
-                if level != 1.0 {
-                    antenna.re.iter_mut().chain(&mut antenna.im).for_each(|x| *x *= level);
-                }
+        for first in (0..SEGMENTS).step_by(self.batch) {
+            let segments = first..first + self.batch;
+            let samples = first * self.segment..(first + self.batch) * self.segment;
+            let drawn = (self.next_frame + 1) as u64 * frame as u64 + samples.start as u64;
+            let index = self.next_frame * frame as i64 + samples.start as i64;
+            let prepare = |(emitter, emission): (&mut Emitter, &mut Emission)| {
+                emission
+                    .prepare(emitter, scenario, array.as_ref(), start, segments.clone())
+                    .map_err(|e| (emitter.sv, e))
+            };
+            jamming.iter_mut().for_each(|j| j.prepare(index, drawn, samples.len()));
+            if let ([element], [ready]) = (&mut elements[..], &mut ready[..]) {
+                emitters.iter_mut().zip(&mut *emissions).try_for_each(prepare)?;
+                element.make(drawn, emissions, jamming, &mut ready[samples]);
+                continue;
             }
-            let elapsed = start + k as f64 * segment_s;
-            for emitter in emitters.iter_mut() {
-                let elevation = emitter.range.view().elevation;
-                let cn0 = scenario.signal.cn0_dbhz(emitter.sv, elevation, elapsed);
-                // A satellite that has set is silent.
-                let amplitude = if elevation < 0.0 { 0.0 } else { amplitude(scenario, cn0) };
-                antenna
-                    .add(emitter, scenario.start, elapsed, segment_s, k, amplitude)
-                    .map_err(|e| (emitter.sv, e))?;
-            }
-            for ((out, &re), &im) in out.iter_mut().zip(&antenna.re).zip(&antenna.im) {
-                *out = Complex32::new(re, im);
-            }
+            emitters.par_iter_mut().zip(emissions.par_iter_mut()).try_for_each(prepare)?;
+            elements.par_iter_mut().zip(ready.par_iter_mut()).for_each(|(element, ready)| {
+                element.make(drawn, emissions, jamming, &mut ready[samples.clone()]);
+            });
         }
         Ok(())
     }
-}
-
-impl Antenna {
-    /// Adds segment `k` of a satellite, which starts `elapsed` seconds after the first sample.
-    fn add(
-        &mut self,
-        emitter: &mut Emitter,
-        start: GpsTime,
-        elapsed: f64,
-        segment_s: f64,
-        k: usize,
-        amplitude: f64,
-    ) -> Result<(), LnavError> {
-        let len = self.chips.len() as f64;
-        let range = |k: usize| emitter.range.at(k as f64 / SEGMENTS as f64);
-        let (begin, end) = (range(k), range(k + 1));
-
-        // Code: satellite time of transmission, in whole code periods since the GPS epoch and chips.
-        let (seconds, fraction) = (start + (elapsed - begin.code_m / SPEED_OF_LIGHT)).parts();
-        let periods = fraction / CA_CODE_PERIOD;
-        let period = seconds * 1000 + periods.floor() as i64;
-        let chip = periods.fract() * CA_CODE_LENGTH as f64;
-        let flown = (end.code_m - begin.code_m) / SPEED_OF_LIGHT;
-        let chip_step = (segment_s - flown) * CA_CHIP_RATE / len;
-        let first = emitter.message.sign(period)?;
-        let second = emitter.message.sign(period + 1)?;
-        if first == second {
-            spread(&emitter.chips, chip, chip_step, &mut self.chips);
-        } else {
-            // A bit edge: the second period, and what is beyond, with the other sign.
-            self.signed.copy_from_slice(&emitter.chips[..]);
-            self.signed[CA_CODE_LENGTH..].iter_mut().for_each(|c| *c = -*c);
-            spread(&self.signed, chip, chip_step, &mut self.chips);
-        }
-
-        // Carrier: minus the range in cycles.
-        let phase = emitter.phase - begin.carrier_m / L1_WAVELENGTH;
-        let cycles = (begin.carrier_m - end.carrier_m) / L1_WAVELENGTH / len;
-        let turn = std::f64::consts::TAU * phase.rem_euclid(1.0);
-        let phasor = Complex64::from_polar(amplitude * f64::from(first), turn);
-        mix_add(&self.chips, phasor, cycles, &mut self.re, &mut self.im);
-        Ok(())
-    }
-}
-
-/// Amplitude of a signal of `cn0` dB-Hz beside background noise of the scenario's variance, white over
-/// the sampling rate: A^2 = C/N0 x variance / rate.
-fn amplitude(scenario: &Scenario, cn0: f64) -> f64 {
-    let density = scenario.noise.background_variance / scenario.front_end.rate_hz;
-    (10f64.powf(cn0 / 10.0) * density).sqrt()
 }
 
 impl SampleSource for ScenarioSource {

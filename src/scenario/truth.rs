@@ -4,8 +4,10 @@ use super::sky::Emitter;
 use super::{Scenario, ScenarioSource};
 use crate::capture::SampleSource;
 use crate::gnss::Sv;
+use crate::gnss::antenna::direction;
 use crate::gnss::constants::{CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH};
 use crate::gnss::coordinates::Geodetic;
+use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
 /// The truth of a capture, as it is written beside it.
@@ -13,10 +15,35 @@ use serde::Serialize;
 pub struct Truth {
     /// Name of this layout: `sdr-rx-truth/1`.
     pub schema: &'static str,
-    /// The scenario with all defaults.
+    /// The scenario with all defaults; its array is the real one, errors drawn and included.
     pub scenario: Scenario,
+    /// The jammers, in the scenario's order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub jammers: Vec<JammerTruth>,
     /// The first sample, and the first at or after each second.
     pub epochs: Vec<TruthEpoch>,
+}
+
+/// From where a jammer's wave arrives.
+#[derive(Clone, Debug, Serialize)]
+pub struct JammerTruth {
+    /// Azimuth, degrees from north over east.
+    pub azimuth_deg: f64,
+    /// Elevation, degrees.
+    pub elevation_deg: f64,
+    /// As the array sees it.
+    #[serde(flatten)]
+    pub arrival: Option<Arrival>,
+}
+
+/// How a wave arrives at the array.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Arrival {
+    /// Unit vector towards the source in the frame of the array: right, forward, up.
+    pub direction_cosines: [f64; 3],
+    /// Of a linear array: the angle from its broadside towards its last element, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub array_angle_deg: Option<f64>,
 }
 
 /// The truth at one sample.
@@ -67,10 +94,16 @@ pub struct SatelliteTruth {
     pub doppler_hz: f64,
     /// Code phase, chips in [0, 1023).
     pub code_phase_chips: f64,
-    /// Azimuth, degrees from north over east.
+    /// Azimuth of the satellite, degrees from north over east.
     pub azimuth_deg: f64,
-    /// Elevation, degrees.
+    /// Elevation of the satellite, degrees.
     pub elevation_deg: f64,
+    /// How its signal arrives at the array (from the spoofer, when that sends it).
+    #[serde(flatten)]
+    pub arrival: Option<Arrival>,
+    /// Whether a spoofer sends its signal.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub spoofed: bool,
     /// Carrier-to-noise density of the background noise, dB-Hz.
     pub cn0_dbhz: f64,
 }
@@ -85,7 +118,13 @@ impl ScenarioSource {
             .take_while(|&sample| sample == 0 || sample < samples)
             .map(|sample| self.truth_at(sample))
             .collect();
-        Truth { schema: "sdr-rx-truth/1", scenario: self.scenario().clone(), epochs }
+        let jammers = self.jamming().iter().map(|j| jammer_truth(self.scenario(), &j.towards));
+        Truth {
+            schema: "sdr-rx-truth/1",
+            scenario: self.scenario().clone(),
+            jammers: jammers.collect(),
+            epochs,
+        }
     }
 
     /// The truth at one sample: exact, not from the interpolation that made the signal.
@@ -113,11 +152,30 @@ impl ScenarioSource {
     }
 }
 
+fn jammer_truth(scenario: &Scenario, towards: &Unit<Vector3<f64>>) -> JammerTruth {
+    JammerTruth {
+        azimuth_deg: towards.x.atan2(towards.y).to_degrees().rem_euclid(360.0),
+        elevation_deg: towards.z.asin().to_degrees(),
+        arrival: arrival(scenario, towards),
+    }
+}
+
+fn arrival(scenario: &Scenario, towards: &Unit<Vector3<f64>>) -> Option<Arrival> {
+    let array = scenario.array.as_ref()?;
+    let local = array.to_platform(towards);
+    let angle = |axis: Unit<Vector3<f64>>| axis.dot(&local).clamp(-1.0, 1.0).asin().to_degrees();
+    Some(Arrival {
+        direction_cosines: local.into_inner().into(),
+        array_angle_deg: array.array.axis().map(angle),
+    })
+}
+
 fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> SatelliteTruth {
     let path = emitter.range.path();
     let view = path.view(elapsed);
     let transmit = path.transmit_time(elapsed, &view.pseudorange);
     let periods = transmit.parts().1 / CA_CODE_PERIOD;
+    let towards = emitter.spoofed_from.unwrap_or_else(|| direction(view.azimuth, view.elevation));
     SatelliteTruth {
         sv: emitter.sv,
         position_ecef_m: view.propagation.satellite.position_m.into(),
@@ -130,6 +188,8 @@ fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> Sate
         code_phase_chips: periods.fract() * CA_CODE_LENGTH as f64,
         azimuth_deg: view.azimuth.to_degrees(),
         elevation_deg: view.elevation.to_degrees(),
+        arrival: arrival(scenario, &towards),
+        spoofed: emitter.spoofed_from.is_some(),
         cn0_dbhz: scenario.signal.cn0_dbhz(emitter.sv, view.elevation, elapsed),
     }
 }

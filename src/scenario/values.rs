@@ -11,6 +11,11 @@ pub fn share<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1")
 }
 
+/// Power of a jammer over the background noise, dB.
+pub fn power<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    number(d, |v| (-100.0..=150.0).contains(&v), "-100 to 150 dB")
+}
+
 /// Carrier-to-noise density that a person can mean, dB-Hz.
 pub fn cn0<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (0.0..=90.0).contains(&v), "0 to 90 dB-Hz")

@@ -7,14 +7,14 @@ use std::fmt::Write;
 /// One line a setting.
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::from(
-        "property         setting              found  false   loss/dB  expected/dB  theory/dB   code/m  Doppler/Hz  fixes  position/m\n",
+        "property         setting                found  false   loss/dB  expected/dB  theory/dB   code/m  Doppler/Hz  direction  fixes  position/m\n",
     );
     for r in rows {
         let found = format!("{}/{}", r.found, r.satellites);
         let fixes = format!("{}/{}", r.fixes, r.runs);
         let _ = writeln!(
             text,
-            "{:16} {:18} {found:>7} {:6} {} {} {} {} {} {fixes:>6} {}",
+            "{:16} {:20} {found:>7} {:6} {} {} {} {} {} {} {fixes:>6} {}",
             r.property,
             r.setting,
             r.false_ones,
@@ -23,6 +23,7 @@ pub fn table(rows: &[Row]) -> String {
             number(r.theory_loss_db, 10, 2),
             number(r.code_m, 8, 2),
             number(r.doppler_hz, 11, 2),
+            number(r.direction, 10, 3),
             number(r.position_m, 11, 1),
         );
     }
@@ -37,13 +38,13 @@ fn number(value: Option<f64>, width: usize, digits: usize) -> String {
 /// The rows with a header; what there is not is empty.
 pub fn csv(rows: &[Row]) -> String {
     let mut text = String::from(
-        "property,setting,satellites,found,false,loss_db,expected_loss_db,theory_loss_db,code_rms_m,doppler_rms_hz,runs,fixes,position_rms_m\n",
+        "property,setting,satellites,found,false,loss_db,expected_loss_db,theory_loss_db,code_rms_m,doppler_rms_hz,direction_rms,runs,fixes,position_rms_m\n",
     );
     let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.4}"));
     for r in rows {
         let _ = writeln!(
             text,
-            "{},\"{}\",{},{},{},{},{},{},{},{},{},{},{}",
+            "{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{}",
             r.property,
             r.setting,
             r.satellites,
@@ -54,6 +55,7 @@ pub fn csv(rows: &[Row]) -> String {
             number(r.theory_loss_db),
             number(r.code_m),
             number(r.doppler_hz),
+            number(r.direction),
             r.runs,
             r.fixes,
             number(r.position_m)

@@ -1,0 +1,424 @@
+//! Acquisition from the code-period decomposition (route c): a few waveforms are searched for all codes, in
+//! place of every element's every millisecond.
+//!
+//! The r first right singular vectors of the code periods (module `array::code_period_svd`) span the
+//! waveforms of the satellites present. A waveform w of unit norm that is not among them has the share
+//!
+//! s = sum_j |v_j^H w|^2 ~ Beta(r, N - r), P(s > x) = sum_{i < r} C(N-1, i) x^i (1-x)^(N-1-i)
+//!
+//! of its power in a random r-dimensional subspace of N dimensions, which is what noise gives. The codes
+//! found clearly (share above 0.06, 4 dB over any cross-correlation of C/A codes) are measured between the
+//! cells and projected out of the subspace, and what nearly passed is searched again, for else the
+//! cross-correlations of strong satellites would pass.
+//!
+//! Counted work: 2 r forward transforms, and one inverse transform for each satellite, Doppler and vector.
+
+use super::search::{multiply, phasor};
+use super::{Acquisition, AcquisitionError};
+use crate::acquisition::carrier::estimate_carrier;
+use crate::array::code_period_svd::{CodePeriodSvd, CodePeriods, add_product, product};
+use crate::array::covariance::hermitian_eigen;
+use crate::array::{CMat, Signature};
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
+use crate::gnss::prn_code::ca_code;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::TAU;
+
+/// Share from which a code is beyond doubt.
+const CLEAR_SHARE: f64 = 0.06;
+/// In the second pass only codes are searched whose share came so near the threshold in the first.
+const NEARLY: f64 = 0.75;
+/// What a right vector must keep of its power, projected, to be searched in the second pass.
+const LEAST_LEFT: f64 = 0.5;
+/// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom law.
+const RANK_FALSE_ALARM: f64 = 2.5e-5;
+/// Doppler spacing, Hz: half the inverse of a code period.
+const DOPPLER_STEP_HZ: f64 = 500.0;
+
+/// What to search.
+#[derive(Clone, Debug)]
+pub struct CodePeriodOptions {
+    /// Satellites.
+    pub satellites: Vec<Sv>,
+    /// Greatest Doppler, Hz.
+    pub most_doppler_hz: f64,
+    /// Code periods used, at most 1024 over the number of elements.
+    pub periods: usize,
+    /// Right vectors searched, where signals are not more.
+    pub components: usize,
+    /// Probability of one or more false satellites.
+    pub false_alarm: f64,
+}
+
+impl CodePeriodOptions {
+    /// All GPS satellites within +-5 kHz, one false alarm in 10^5 searches; 16 vectors, of one antenna and
+    /// more than 50 ms 24.
+    pub fn new(elements: usize, periods: usize) -> Self {
+        Self {
+            satellites: Sv::all_gps().collect(),
+            most_doppler_hz: 5000.0,
+            periods,
+            components: if elements == 1 && periods > 50 { 24 } else { 16 },
+            false_alarm: 1e-5,
+        }
+    }
+}
+
+/// A satellite found.
+#[derive(Clone, Debug)]
+pub struct CodeFound {
+    /// Doppler, code phase at the first sample and C/N0 of one element (of the samples as they are: after a
+    /// map with its loss), refined. The statistic is the share over its mean under noise, r/N.
+    pub acquisition: Acquisition,
+    /// Share of the code's waveform in the searched subspace.
+    pub share: f64,
+    /// Every element's every code period despread with the waveform found (M x K), Doppler and data still
+    /// in them from period to period.
+    pub prompts: CMat,
+    /// Spatial signature; `None` with one element.
+    pub signature: Option<Signature>,
+}
+
+/// What the search saw.
+#[derive(Clone, Debug)]
+pub struct CodePeriodLook {
+    /// The decomposition: number of signals, noise floor, right vectors, blind snapshots.
+    pub svd: CodePeriodSvd,
+    /// Satellites, strongest first.
+    pub found: Vec<CodeFound>,
+    /// Fourier transforms done.
+    pub transforms: usize,
+    /// Inverse transforms of the full non-coherent search of the same elements, periods, satellites and
+    /// Dopplers (1 ms coherent).
+    pub full_search_transforms: usize,
+}
+
+/// A cell of greatest share.
+#[derive(Clone, Copy)]
+struct Cell {
+    sv: Sv,
+    share: f64,
+    doppler_hz: f64,
+    delay_bins: f64,
+}
+
+/// Searches the samples of all channels (baseband, of one length and equal noise floors, interference removed,
+/// impulses suppressed); `nulled` spatial directions were projected away.
+pub fn search_code_periods(
+    channels: &[&[Complex32]],
+    rate_hz: f64,
+    nulled: usize,
+    options: &CodePeriodOptions,
+) -> Result<CodePeriodLook, AcquisitionError> {
+    let samples = channels.first().map_or(0, |c| c.len());
+    let need = (rate_hz * CA_CODE_PERIOD).ceil() as usize;
+    let reason = match () {
+        _ if options.satellites.is_empty() => Some("no satellite is asked for"),
+        _ if !(0.0..=0.5 * rate_hz).contains(&options.most_doppler_hz) => {
+            Some("the Doppler interval must lie in the sampled band")
+        }
+        _ if options.components == 0 => Some("at least one component is needed"),
+        _ if channels.iter().any(|c| c.len() != samples) => Some("the channels differ in length"),
+        _ if !(options.false_alarm > 0.0 && options.false_alarm < 1.0) => {
+            Some("the false-alarm probability must be between 0 and 1")
+        }
+        _ => None,
+    };
+    if let Some(reason) = reason {
+        return Err(AcquisitionError::Options(reason));
+    }
+    if !rate_hz.is_finite() || rate_hz < CA_CHIP_RATE {
+        return Err(AcquisitionError::Rate(rate_hz));
+    }
+    if samples < need || options.periods == 0 {
+        return Err(AcquisitionError::TooShort { have: samples, need, coherent_ms: 1, rate_hz });
+    }
+    let data = CodePeriods::new(channels, rate_hz, options.periods);
+    let svd = CodePeriodSvd::new(&data, options.components, nulled, RANK_FALSE_ALARM)
+        .ok_or(AcquisitionError::Options("the samples are all zero, or not finite"))?;
+    let search = Search::new(&data, options);
+
+    let threshold = search.threshold(svd.right.len());
+    let (cells, mut transforms) = search.all(&svd.right, &options.satellites);
+    let mut clear: Vec<Cell> =
+        cells.iter().copied().filter(|c| c.share > threshold.max(CLEAR_SHARE)).collect();
+    clear.iter_mut().for_each(|cell| *cell = search.refine(&svd.right, *cell));
+    let mut found: Vec<(Cell, usize)> = clear.iter().map(|c| (*c, svd.right.len())).collect();
+
+    let near: Vec<Sv> = cells
+        .iter()
+        .filter(|c| c.share > NEARLY * threshold && !clear.iter().any(|k| k.sv == c.sv))
+        .map(|c| c.sv)
+        .collect();
+    if !near.is_empty() {
+        let waves: Vec<_> = clear.iter().map(|c| search.waveform(c)).collect();
+        let right = project_out(&svd.right, &waves);
+        let threshold = search.threshold(right.len());
+        let (cells, more) = search.all(&right, &near);
+        transforms += more;
+        let late = cells.into_iter().filter(|c| c.share > threshold);
+        found.extend(late.map(|c| (search.refine(&right, c), right.len())));
+    }
+    found.sort_by(|a, b| b.0.share.total_cmp(&a.0.share));
+    let found =
+        found.iter().map(|(cell, r)| search.measure(cell, *r, svd.division.floor)).collect();
+    let full_search_transforms =
+        data.rows.len() * options.satellites.len() * search.dopplers().count();
+    Ok(CodePeriodLook { svd, found, transforms, full_search_transforms })
+}
+
+/// Orthonormal basis of what is left of orthonormal `rows` when the waveforms are projected away from them.
+fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Complex32>> {
+    let single = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
+    let normalised = |mut x: Vec<Complex32>| {
+        let norm = product(&x, &x).re.sqrt().max(f64::MIN_POSITIVE);
+        x.iter_mut().for_each(|x| *x /= norm as f32);
+        x
+    };
+    let without = |x: &[Complex32], basis: &[Vec<Complex32>]| {
+        let mut left = x.to_vec();
+        for b in basis {
+            add_product(single(-product(x, b)), b, &mut left);
+        }
+        left
+    };
+    let mut basis: Vec<Vec<Complex32>> = Vec::new();
+    for wave in waves {
+        basis.push(normalised(without(&without(wave, &basis), &basis)));
+    }
+    let left: Vec<Vec<Complex32>> = rows.iter().map(|row| without(row, &basis)).collect();
+    let gram = CMat::from_fn(rows.len(), rows.len(), |i, k| product(&left[i], &left[k]));
+    let Some((values, vectors)) = hermitian_eigen(&gram) else { return left };
+    let kept = values.iter().take_while(|&&l| l > LEAST_LEFT).count();
+    let combine = |j: usize| {
+        let mut sum = vec![Complex32::ZERO; left[0].len()];
+        for (i, row) in left.iter().enumerate() {
+            add_product(single(vectors[(i, j)].conj()), row, &mut sum);
+        }
+        normalised(sum)
+    };
+    (0..kept).map(combine).collect()
+}
+
+/// What all passes of one search share.
+struct Search<'a> {
+    data: &'a CodePeriods,
+    options: &'a CodePeriodOptions,
+    forward: std::sync::Arc<dyn Fft<f32>>,
+    inverse: std::sync::Arc<dyn Fft<f32>>,
+}
+
+impl<'a> Search<'a> {
+    fn new(data: &'a CodePeriods, options: &'a CodePeriodOptions) -> Self {
+        let mut planner = FftPlanner::new();
+        let (forward, inverse) =
+            (planner.plan_fft_forward(data.bins), planner.plan_fft_inverse(data.bins));
+        Self { data, options, forward, inverse }
+    }
+
+    /// Dopplers searched, in steps of 500 Hz.
+    fn dopplers(&self) -> std::ops::RangeInclusive<i64> {
+        let most = (self.options.most_doppler_hz / DOPPLER_STEP_HZ).ceil() as i64;
+        -most..=most
+    }
+
+    /// Share that noise exceeds anywhere with the probability asked for.
+    fn threshold(&self, components: usize) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if self.false_alarm(middle, components) > self.options.false_alarm {
+                low = middle
+            } else {
+                high = middle
+            }
+        }
+        high
+    }
+
+    /// Probability that noise exceeds a share in any cell (taken as independent: an overestimate).
+    fn false_alarm(&self, share: f64, components: usize) -> f64 {
+        let cells = self.options.satellites.len() * self.dopplers().count() * self.data.bins;
+        let tail = share_tail(share, components, self.data.bins);
+        -(cells as f64 * (-tail).ln_1p()).exp_m1()
+    }
+
+    /// The best cell of every satellite, and the number of transforms.
+    fn all(&self, right: &[Vec<Complex32>], satellites: &[Sv]) -> (Vec<Cell>, usize) {
+        let bins = self.data.bins;
+        // The fractions 0 and 500 Hz of a kilohertz; whole kilohertz are shifts of the spectrum by lines.
+        let spectra: Vec<Vec<Complex32>> = [0.0, DOPPLER_STEP_HZ]
+            .into_iter()
+            .flat_map(|fraction| {
+                right.iter().map(move |row| {
+                    let turn = |n| phasor(fraction * CA_CODE_PERIOD * n as f64 / bins as f64);
+                    let mut mixed: Vec<_> =
+                        row.iter().enumerate().map(|(n, x)| x * turn(n)).collect();
+                    self.forward.process(&mut mixed);
+                    mixed
+                })
+            })
+            .collect();
+        let cells = satellites.par_iter().map(|&sv| self.best(sv, &spectra)).collect();
+        let dopplers = self.dopplers().count();
+        (cells, spectra.len() + satellites.len() * dopplers * right.len())
+    }
+
+    fn best(&self, sv: Sv, spectra: &[Vec<Complex32>]) -> Cell {
+        let bins = self.data.bins;
+        let mut code = self.waveform(&Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 });
+        self.forward.process(&mut code);
+        code.iter_mut().for_each(|c| *c = c.conj());
+        let mut correlation = vec![Complex32::ZERO; bins];
+        let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
+        let mut power = vec![0f32; bins];
+        let mut best = Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
+        for step in self.dopplers() {
+            let fraction = step.rem_euclid(2) as usize;
+            let lines = step.div_euclid(2).rem_euclid(bins as i64) as usize;
+            power.fill(0.0);
+            for spectrum in &spectra[fraction * spectra.len() / 2..][..spectra.len() / 2] {
+                let (head, tail) = spectrum.split_at(lines);
+                let (code_head, code_tail) = code.split_at(bins - lines);
+                multiply(tail, code_head, &mut correlation[..bins - lines]);
+                multiply(head, code_tail, &mut correlation[bins - lines..]);
+                self.inverse.process_with_scratch(&mut correlation, &mut scratch);
+                power.iter_mut().zip(&correlation).for_each(|(p, c)| *p += c.norm_sqr());
+            }
+            let peak = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            let (bin, highest) = peak.map_or((0, 0.0), |(bin, p)| (bin, f64::from(*p)));
+            // Both transforms are without a factor: N^2 of the power, and the waveform has norm 1.
+            let share = highest / (bins as f64).powi(2);
+            if share > best.share {
+                let doppler_hz = step as f64 * DOPPLER_STEP_HZ;
+                best = Cell { sv, share, doppler_hz, delay_bins: bin as f64 };
+            }
+        }
+        best
+    }
+
+    /// The waveform of a cell, of norm 1: the code at the instants where samples lie on average.
+    fn waveform(&self, cell: &Cell) -> Vec<Complex32> {
+        let chips = ca_code(cell.sv);
+        let bins = self.data.bins as f64;
+        let turn = Complex64::cis(TAU * cell.doppler_hz * CA_CODE_PERIOD / bins);
+        let mut carrier = Complex64::from(bins.sqrt().recip());
+        (0..self.data.bins)
+            .map(|n| {
+                let phase = (n as f64 + self.data.offset - cell.delay_bins) / bins;
+                let chip = (phase.rem_euclid(1.0) * CA_CODE_LENGTH as f64) as usize;
+                let value = carrier * f64::from(chips[chip.min(CA_CODE_LENGTH - 1)]);
+                carrier *= turn;
+                Complex32::new(value.re as f32, value.im as f32)
+            })
+            .collect()
+    }
+
+    fn share(&self, right: &[Vec<Complex32>], cell: &Cell) -> f64 {
+        let waveform = self.waveform(cell);
+        right.iter().map(|row| product(row, &waveform).norm_sqr()).sum()
+    }
+
+    /// Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance of early and
+    /// late half a chip away (the correlation of chips is a triangle).
+    fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
+        let half_chip = 0.5 * self.data.bins as f64 / CA_CODE_LENGTH as f64;
+        let mean = right.len() as f64 / self.data.bins as f64;
+        let mut cell = start;
+        for reach_hz in [250.0, 120.0] {
+            let at = |shift: f64| {
+                self.share(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
+            };
+            let [early, late] = [-half_chip, half_chip].map(|d| (at(d) - mean).max(0.0).sqrt());
+            if early + late > 0.0 {
+                cell.delay_bins += half_chip * (late - early) / (late + early);
+            }
+            let at = |shift: f64| {
+                self.share(right, &Cell { doppler_hz: cell.doppler_hz + shift, ..cell })
+            };
+            let [low, middle, high] = [-reach_hz, 0.0, reach_hz].map(at);
+            let bend = 2.0 * middle - low - high;
+            if bend > 0.0 {
+                cell.doppler_hz +=
+                    (0.5 * reach_hz * (high - low) / bend).clamp(-reach_hz, reach_hz);
+            }
+        }
+        cell.share = self.share(right, &cell);
+        if cell.share >= start.share { cell } else { start }
+    }
+
+    /// Despreads the samples with what was found, and takes C/N0 and the last digits of Doppler from them.
+    fn measure(&self, cell: &Cell, components: usize, floor: f64) -> CodeFound {
+        let prompts = self.data.despread(&self.waveform(cell));
+        let (elements, periods) = prompts.shape();
+        let signature = Signature::estimate(&prompts);
+        let ones = vec![Complex64::ONE; elements];
+        let response = signature.as_ref().map_or(&ones, |s| &s.response);
+        let beam: Vec<Complex64> = (0..periods)
+            .map(|k| {
+                let sum: Complex64 =
+                    (0..elements).map(|m| response[m].conj() * prompts[(m, k)]).sum();
+                sum * Complex64::cis(-TAU * cell.doppler_hz * CA_CODE_PERIOD * k as f64)
+            })
+            .collect();
+        let rest = estimate_carrier(&beam, 0.5 * DOPPLER_STEP_HZ).map_or(0.0, |c| c.frequency_hz);
+        let doppler_hz = cell.doppler_hz + if periods > 1 { rest } else { 0.0 };
+        let power: f64 = (0..periods)
+            .flat_map(|k| (0..elements).map(move |m| (m, k)))
+            .map(|at| prompts[at].norm_sqr())
+            .sum();
+        let snr = power / (floor * (elements * periods) as f64) - 1.0;
+        // The delay is that of the middle of the periods; the code runs by Doppler / 1540.
+        let chips = CA_CODE_LENGTH as f64;
+        let drift = doppler_hz / CYCLES_PER_CHIP * periods as f64 * CA_CODE_PERIOD / 2.0;
+        let code_phase = -cell.delay_bins * chips / self.data.bins as f64 - drift;
+        let acquisition = Acquisition {
+            sv: cell.sv,
+            doppler_hz,
+            code_phase_chips: code_phase.rem_euclid(chips) % chips,
+            cn0_dbhz: 10.0 * (snr.max(1e-3) / CA_CODE_PERIOD).log10(),
+            statistic: cell.share * self.data.bins as f64 / components.max(1) as f64,
+            false_alarm: self.false_alarm(cell.share, components),
+        };
+        CodeFound { acquisition, share: cell.share, prompts, signature }
+    }
+}
+
+/// Probability that the share of a waveform in a random subspace of `components` of `bins` dimensions
+/// exceeds `share`: the Beta law's tail as a binomial sum.
+fn share_tail(share: f64, components: usize, bins: usize) -> f64 {
+    if share <= 0.0 || components >= bins {
+        return 1.0;
+    }
+    if share >= 1.0 {
+        return 0.0;
+    }
+    let n = (bins - 1) as f64;
+    // Terms as logarithms: (1 - x)^N can leave the range of f64.
+    let mut log_term = n * (-share).ln_1p();
+    let odds = share.ln() - (-share).ln_1p();
+    let mut sum = 0.0;
+    for i in 0..components {
+        sum += log_term.exp();
+        log_term += ((n - i as f64) / (i + 1) as f64).ln() + odds;
+    }
+    sum.min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_law_of_the_share_is_the_beta_law() {
+        // r = 1: P = (1 - x)^(N-1). Mean of Beta(r, N - r) is r/N: the integral of the tail.
+        assert!((share_tail(0.01, 1, 2048) - 0.99f64.powi(2047)).abs() < 1e-15);
+        let steps = 20_000;
+        let integral: f64 =
+            (0..steps).map(|k| share_tail((f64::from(k) + 0.5) / f64::from(steps), 16, 200)).sum();
+        assert!((integral / f64::from(steps) - 16.0 / 200.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,125 @@
+//! What one satellite sends over a batch of segments: made once, mixed into every channel.
+
+use super::Scenario;
+use super::kernel::{TABLE, mix_add, spread};
+use super::sky::Emitter;
+use crate::gnss::antenna::{AntennaArray, direction};
+use crate::gnss::constants::{
+    CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH, SPEED_OF_LIGHT,
+};
+use crate::gnss::lnav::LnavError;
+use nalgebra::{Unit, Vector3};
+use num_complex::Complex64;
+use std::ops::Range;
+
+/// Segments of constant code and carrier rate in a frame, at whose ends lie the pseudorange knots.
+pub(super) const SEGMENTS: usize = 8;
+
+/// The signal of one satellite over a batch of segments.
+pub(super) struct Emission {
+    chips: Vec<f32>,
+    segments: Vec<Segment>,
+    signed: Box<[f32; TABLE]>,
+}
+
+/// What is constant over a segment.
+#[derive(Clone, Default)]
+struct Segment {
+    /// Amplitude, sign and phase at the first sample.
+    phasor: Complex64,
+    /// Carrier cycles per sample.
+    cycles: f64,
+    /// What each element makes of it.
+    response: Vec<Complex64>,
+}
+
+impl Emission {
+    /// Room for `batch` segments of `len` samples.
+    pub fn new(batch: usize, len: usize) -> Self {
+        Self {
+            chips: vec![0.0; batch * len],
+            segments: vec![Segment::default(); batch],
+            signed: Box::new([0.0; TABLE]),
+        }
+    }
+
+    /// Makes the `segments` of the frame that starts `start` seconds after the first sample.
+    pub fn prepare(
+        &mut self,
+        emitter: &mut Emitter,
+        scenario: &Scenario,
+        array: Option<&AntennaArray>,
+        start: f64,
+        segments: Range<usize>,
+    ) -> Result<(), LnavError> {
+        let len = self.chips.len() / self.segments.len();
+        let segment_s = len as f64 / scenario.front_end.rate_hz;
+        let elevation = emitter.range.view().elevation;
+        for ((k, chips), segment) in
+            segments.zip(self.chips.chunks_exact_mut(len)).zip(&mut self.segments)
+        {
+            let elapsed = start + k as f64 * segment_s;
+            let cn0 = scenario.signal.cn0_dbhz(emitter.sv, elevation, elapsed);
+            // A satellite that has set is silent.
+            let amplitude = if elevation < 0.0 { 0.0 } else { amplitude(scenario, cn0) };
+            let range = |k: usize| emitter.range.at(k as f64 / SEGMENTS as f64);
+            let (begin, end) = (range(k), range(k + 1));
+
+            // Code: satellite time of transmission, in whole code periods since the GPS epoch and chips.
+            let sent = scenario.start + (elapsed - begin.code_m / SPEED_OF_LIGHT);
+            let (seconds, fraction) = sent.parts();
+            let periods = fraction / CA_CODE_PERIOD;
+            let period = seconds * 1000 + periods.floor() as i64;
+            let chip = periods.fract() * CA_CODE_LENGTH as f64;
+            let flown = (end.code_m - begin.code_m) / SPEED_OF_LIGHT;
+            let chip_step = (segment_s - flown) * CA_CHIP_RATE / len as f64;
+            let first = emitter.message.sign(period)?;
+            let second = emitter.message.sign(period + 1)?;
+            if first == second {
+                spread(&emitter.chips, chip, chip_step, chips);
+            } else {
+                // A bit edge: the second period, and what is beyond, with the other sign.
+                self.signed.copy_from_slice(&emitter.chips[..]);
+                self.signed[CA_CODE_LENGTH..].iter_mut().for_each(|c| *c = -*c);
+                spread(&self.signed, chip, chip_step, chips);
+            }
+
+            // Carrier: minus the range in cycles.
+            let phase = emitter.phase - begin.carrier_m / L1_WAVELENGTH;
+            let turn = std::f64::consts::TAU * phase.rem_euclid(1.0);
+            segment.phasor = Complex64::from_polar(amplitude * f64::from(first), turn);
+            segment.cycles = (begin.carrier_m - end.carrier_m) / L1_WAVELENGTH / len as f64;
+            if let Some(array) = array {
+                let middle = (k as f64 + 0.5) / SEGMENTS as f64;
+                segment.response = array.response(&arrival(emitter, middle));
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds segment `k` of the batch to (`re`, `im`) of a channel.
+    pub fn add(&self, channel: usize, k: usize, re: &mut [f32], im: &mut [f32]) {
+        let (segment, len) = (&self.segments[k], re.len());
+        let response = segment.response.get(channel).copied().unwrap_or(Complex64::ONE);
+        let chips = &self.chips[k * len..(k + 1) * len];
+        mix_add(chips, segment.phasor * response, segment.cycles, re, im);
+    }
+}
+
+/// Direction from which a signal arrives, (east, north, up), at a share `x` (0 to 1) of the frame: linear
+/// between the frame's ends. A satellite turns by less than 2e-4 rad/s, 2e-7 rad in a segment.
+fn arrival(emitter: &Emitter, x: f64) -> Unit<Vector3<f64>> {
+    if let Some(towards) = emitter.spoofed_from {
+        return towards;
+    }
+    let [begin, end] = [emitter.range.view(), emitter.range.next_view()]
+        .map(|v| direction(v.azimuth, v.elevation).into_inner());
+    Unit::new_normalize(begin + (end - begin) * x)
+}
+
+/// Amplitude of a signal of `cn0` dB-Hz beside background noise of the scenario's variance, white over
+/// the sampling rate: A^2 = C/N0 x variance / rate.
+pub(super) fn amplitude(scenario: &Scenario, cn0: f64) -> f64 {
+    let density = scenario.noise.background_variance / scenario.front_end.rate_hz;
+    (10f64.powf(cn0 / 10.0) * density).sqrt()
+}
