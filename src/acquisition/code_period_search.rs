@@ -17,13 +17,13 @@ use super::search::{multiply, phasor};
 use super::{Acquisition, AcquisitionError};
 use crate::acquisition::carrier::estimate_carrier;
 use crate::array::code_period_svd::{CodePeriodSvd, CodePeriods, add_product, product};
-use crate::array::covariance::hermitian_eigen;
 use crate::array::{CMat, Signature};
 use crate::gnss::Sv;
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
 use crate::gnss::prn_code::ca_code;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
+use sdr_rx_linalg::hermitian_eigen;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 

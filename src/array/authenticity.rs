@@ -5,8 +5,8 @@
 //! "one direction" says that all signatures are multiples of one vector.
 
 use super::{Arrival, CMat, Manifold, Signature};
-use faer::Side;
 use nalgebra::{Unit, Vector3};
+use sdr_rx_linalg::hermitian_eigen;
 
 /// Signatures at least, for a verdict: fewer satellites share a direction by chance.
 pub const LEAST_SIGNATURES: usize = 4;
@@ -36,9 +36,8 @@ pub fn one_direction(signatures: &[&Signature]) -> Option<OneDirection> {
     let norm = (elements as f64).sqrt();
     let stacked = CMat::from_fn(elements, count, |m, k| signatures[k].response[m] / norm);
     let product = &stacked * stacked.adjoint();
-    let eigen = product.self_adjoint_eigen(Side::Lower).ok()?;
-    let values = eigen.S().column_vector();
-    let rest: f64 = (0..elements - 1).map(|k| values[k].re).sum();
+    let (values, _) = hermitian_eigen(&product)?;
+    let rest: f64 = values[1..].iter().sum();
     let apart = rest / count as f64;
     // Each of the M - 1 other dimensions holds the variance of a response over M; the common vector
     // itself takes one of the signatures' freedom.

@@ -5,10 +5,9 @@
 
 use super::CMat;
 use crate::capture::Block;
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
+use sdr_rx_linalg::{Cholesky, orthonormal_basis};
 
 /// How the weights of a beam are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,21 +50,21 @@ impl Beam {
         let loaded = CMat::from_fn(m, m, |i, k| {
             covariance[(i, k)] + if i == k { LOADING * power } else { 0.0 }
         });
-        let column = Mat::from_fn(m, 1, |k, _| signature[k]);
-        match loaded.llt(Side::Lower) {
-            Ok(factor) => {
+        let column = CMat::from_fn(m, 1, |k, _| signature[k]);
+        match Cholesky::new(&loaded) {
+            Some(factor) => {
                 let solved = factor.solve(&column);
                 Self::normalised((0..m).map(|k| solved[(k, 0)]).collect(), signature)
             }
-            Err(_) => Self::conventional(signature),
+            None => Self::conventional(signature),
         }
     }
 
     /// Matched to the signature with nulls on the columns of `interference` (fewer than the elements).
     pub fn lcmv(signature: &[Complex64], interference: &CMat) -> Self {
         let m = signature.len();
-        let basis = interference.qr().compute_thin_Q();
-        let column = Mat::from_fn(m, 1, |k, _| signature[k]);
+        let basis = orthonormal_basis(interference);
+        let column = CMat::from_fn(m, 1, |k, _| signature[k]);
         let free = &column - &basis * (basis.adjoint() * &column);
         Self::normalised((0..m).map(|k| free[(k, 0)]).collect(), signature)
     }

@@ -12,11 +12,12 @@
 //! Cost: the Gram matrix D D^H (rows^2 N / 2 multiply-adds) and its eigenvalues; rows are at most 1024.
 
 use super::CMat;
-use super::covariance::{covariance, hermitian_eigen};
+use super::covariance::covariance;
 use super::random_matrix::{self, Division};
 use crate::gnss::constants::{CA_CODE_LENGTH, CA_CODE_PERIOD};
 use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
+use sdr_rx_linalg::hermitian_eigen;
 
 /// Most bins in a code period; at higher rates neighbouring samples are summed.
 const MOST_BINS: usize = 4096;

@@ -8,6 +8,7 @@
 use super::CMat;
 use super::random_matrix::{self, Division};
 use num_complex::{Complex32, Complex64};
+use sdr_rx_linalg::hermitian_eigen;
 use rayon::prelude::*;
 
 /// Samples in a tile.
@@ -110,17 +111,6 @@ fn block_products<const FUSED: bool>(
         }
     }
     sums.map(|row| row.map(|column| column.map(|lanes| lanes.into_iter().sum())))
-}
-
-/// Eigenvalues (descending) and eigenvectors (columns) of a Hermitian matrix; `None` where the matrix is
-/// not finite.
-pub fn hermitian_eigen(matrix: &CMat) -> Option<(Vec<f64>, CMat)> {
-    let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-    let last = matrix.nrows().checked_sub(1)?;
-    let values: Vec<f64> = (0..=last).map(|k| values[last - k].re).collect();
-    let finite = values.iter().all(|v| v.is_finite());
-    finite.then(|| (values, CMat::from_fn(last + 1, last + 1, |i, k| vectors[(i, last - k)])))
 }
 
 /// The signals of a covariance as a few snapshots far above the noise (route b).

@@ -1,7 +1,7 @@
 //! The Cramer-Rao bound of directions.
 
 use super::{CMat, Manifold, Point, dictionary};
-use faer::linalg::solvers::Solve;
+use sdr_rx_linalg::Cholesky;
 
 /// The least covariance of each source's coordinates that an unbiased estimate can have, the signals being
 /// unknown, uncorrelated numbers (Stoica and Nehorai 1989, "MUSIC, maximum likelihood, and Cramer-Rao
@@ -28,9 +28,9 @@ pub fn cramer_rao(
         let slopes = manifold.derivatives(*point);
         let d = CMat::from_fn(manifold.elements(), slopes.len(), |m, k| slopes[k][m]);
         let crossed = a.adjoint() * &d;
-        let inside = match gram.llt(faer::Side::Lower) {
-            Ok(factor) => crossed.adjoint() * factor.solve(&crossed),
-            Err(_) => d.adjoint() * &d,
+        let inside = match Cholesky::new(&gram) {
+            Some(factor) => crossed.adjoint() * factor.solve(&crossed),
+            None => d.adjoint() * &d,
         };
         let outside = d.adjoint() * &d - inside;
         let scale = noise / (2.0 * snapshots * power);

@@ -5,11 +5,11 @@
 //! jammer's wave is estimated by least squares that weight each element with E[1/variance | residual]
 //! of its own mixture (module `front_end::mixture`), which an impulse hardly moves.
 
-use super::covariance::hermitian_eigen;
 use super::{CMat, Manifold, Point};
 use crate::front_end::mixture::{BINS, Mixture, PowerHistogram, bin, middle};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
+use sdr_rx_linalg::hermitian_eigen;
 
 /// An eigenvalue is interference when it is this much over the median one (satellites of 50 dB-Hz on 50
 /// elements reach 6 dB).
@@ -229,7 +229,9 @@ impl Law {
     fn new(mixture: Mixture) -> Self {
         // In units of the background, so that the sums of weights stay near the number of elements.
         let weight = |power: f64| mixture.inverse_variance(power) * mixture.background;
-        let weights = (0..BINS).map(|b| middle(b).map_or(0.0, weight) as f32).collect();
+        let weights = (0..BINS)
+            .map(|b| Some(middle(b)).filter(|p| p.is_finite()).map_or(0.0, weight) as f32)
+            .collect();
         Self { mixture, weights }
     }
 

@@ -24,9 +24,9 @@ use super::CMat;
 use super::admm_kernel::{Block, Kernel};
 use super::lanes::{Packed, blocks, matrix};
 use super::sparse::{Penalty, SparseError, check, median_modulus, objective, positive};
-use faer::Side;
 use faer::prelude::*;
 use num_complex::Complex64;
+use sdr_rx_linalg::{Cholesky, thin_svd};
 
 /// Singular values below this share of the largest are left out: their effect is that of rounding.
 const RANK_TOLERANCE: f64 = 1e-6;
@@ -111,14 +111,11 @@ impl<'a> AdmmPlan<'a> {
     /// When it is empty or not finite, or the decomposition fails.
     pub fn new(a: &'a CMat) -> Result<Self, SparseError> {
         check(a, &CMat::zeros(a.nrows(), 0))?;
-        let svd = a.thin_svd().map_err(|e| SparseError::NoConvergence {
+        let (u, s, v) = thin_svd(a).ok_or(SparseError::NoConvergence {
             doing: "singular value decomposition of the dictionary",
-            problem: format!("{e:?}"),
         })?;
-        let s: Vec<f64> = svd.S().column_vector().iter().map(|s| s.re).collect();
         let rank = s.iter().filter(|v| **v > RANK_TOLERANCE * s[0]).count();
         let (m, l) = (a.nrows(), a.ncols());
-        let (u, v) = (svd.U(), svd.V());
         Ok(Self {
             a,
             s: s[..rank].iter().map(|s| *s as f32).collect(),
@@ -191,9 +188,8 @@ pub fn solve_exactly(
     let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
     let identity = CMat::identity(l, l);
     let gram =
-        (identity + a.adjoint() * a).llt(Side::Lower).map_err(|e| SparseError::NoConvergence {
+        Cholesky::new(&(identity + a.adjoint() * a)).ok_or(SparseError::NoConvergence {
             doing: "Cholesky factor of I + A^H A",
-            problem: format!("{e:?}"),
         })?;
     let scaled = y * Scale(Complex64::from(1.0 / unit));
     let (mut w, mut v) = (CMat::zeros(l, n), CMat::zeros(y.nrows(), n));
@@ -202,7 +198,7 @@ pub fn solve_exactly(
     for done in 1.. {
         let x = shrunk_x(&w, settings);
         let r = shrunk(&v, settings.c);
-        let u = gram.solve(two * &x - &w + a.adjoint() * (&scaled - two * &r + &v));
+        let u = gram.solve(&(two * &x - &w + a.adjoint() * (&scaled - two * &r + &v)));
         w += relax * (&u - &x);
         v += relax * (&scaled - a * &u - &r);
         if done % settings.stretch == 0 || done >= settings.iterations {

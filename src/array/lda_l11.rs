@@ -43,6 +43,7 @@ use super::sparse::{SparseError, check, positive};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Par};
 use num_complex::Complex64;
+use sdr_rx_linalg::thin_svd;
 
 /// How the step s_k goes with the iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,9 +142,8 @@ impl LdaSettings {
 /// # Errors
 /// When the decomposition of A fails.
 pub fn stability_bound(dictionary: &CMat, gamma: f64) -> Result<f64, SparseError> {
-    let values = dictionary.singular_values().map_err(|e| SparseError::NoConvergence {
+    let (_, values, _) = thin_svd(dictionary).ok_or(SparseError::NoConvergence {
         doing: "largest singular value of the dictionary",
-        problem: format!("{e:?}"),
     })?;
     let largest = values.into_iter().fold(0.0, f64::max);
     Ok(4.0 / (largest * largest + gamma * gamma))

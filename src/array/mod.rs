@@ -8,38 +8,34 @@ pub mod authenticity;
 pub mod beams;
 pub mod code_period_svd;
 pub mod covariance;
-pub mod dictionary;
+pub mod crb;
 pub mod dictionary;
 pub mod interference;
+pub mod jane;
 pub mod l1_admm;
 mod lanes;
 mod lda_kernel;
 pub mod lda_l11;
-pub mod manifold;
+pub mod look;
 pub mod manifold;
 pub mod random;
 pub mod random_matrix;
+mod robust_fit;
+pub mod row_rule;
+pub mod scan;
 pub mod signature;
 mod sky;
 pub mod sparse;
 
 pub use beams::Beam;
-pub mod crb;
-pub mod dictionary;
-pub mod jane;
-pub mod manifold;
-mod robust_fit;
-pub mod row_rule;
-pub mod scan;
-
 pub use crb::cramer_rao;
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use jane::{Decision, Jane, JaneError, JaneOptions, Source};
+pub use look::{Jammer, LookError, LookOptions, SkyPicture, look};
 pub use manifold::{Bearing, Manifold, Point};
 pub use row_rule::{Group, row_noise, row_rule};
 pub use signature::{Arrival, Signature, arrival};
-pub use sky::{ArraySky, Prediction, SatelliteArrival};
+pub use sky::{ArraySky, BlindCount, Prediction, SatelliteArrival};
 pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
 
-/// Dynamic complex matrix.
-pub type CMat = faer::Mat<num_complex::Complex64>;
+pub use sdr_rx_linalg::CMat;

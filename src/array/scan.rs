@@ -15,6 +15,7 @@
 use super::{CMat, Manifold, Point};
 use faer::MatRef;
 use num_complex::Complex64;
+use sdr_rx_linalg::orthonormal_basis;
 use std::f64::consts::PI;
 
 /// A beam with less than this share of its power outside of the sources found is not looked at: a start so
@@ -93,7 +94,7 @@ impl Scan {
     /// b is the part of the point's response outside of the span of the columns of `known`. `None` when
     /// nothing of the manifold lies outside.
     pub fn strongest(&self, data: MatRef<'_, Complex64>, known: &CMat) -> Option<(Point, f64)> {
-        let basis = (known.ncols() > 0).then(|| known.qr().compute_thin_Q());
+        let basis = (known.ncols() > 0).then(|| orthonormal_basis(known));
         let mut seen = self.responses.adjoint() * data;
         let mut new: Vec<f64> = self.responses.col_iter().map(|a| a.squared_norm_l2()).collect();
         if let Some(basis) = &basis {

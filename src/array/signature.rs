@@ -6,8 +6,8 @@
 //! Optimum Array Processing, 8.5): no bit, no phase and no geometry need be known.
 
 use super::{Bearing, CMat, Manifold, Point};
-use faer::Side;
 use num_complex::Complex64;
+use sdr_rx_linalg::hermitian_eigen;
 
 /// A measured signature.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,16 +30,15 @@ impl Signature {
             return None;
         }
         let covariance = prompts * prompts.adjoint();
-        let eigen = covariance.self_adjoint_eigen(Side::Lower).ok()?;
-        let values = eigen.S().column_vector();
-        let total: f64 = (0..elements).map(|k| values[k].re).sum();
-        let (greatest, count, m) = (values[elements - 1].re, periods as f64, elements as f64);
+        let (values, vectors) = hermitian_eigen(&covariance)?;
+        let total: f64 = values.iter().sum();
+        let (greatest, count, m) = (values[0], periods as f64, elements as f64);
         let noise = (total - greatest) / ((m - 1.0) * count);
         let signal = greatest / count - noise;
         if !(signal > 0.0 && signal.is_finite()) {
             return None;
         }
-        let vector = eigen.U().col(elements - 1);
+        let vector = vectors.col(0);
         let phase = vector[0].conj() / vector[0].norm();
         let phase = if phase.is_finite() { phase } else { Complex64::ONE };
         let response = (0..elements).map(|k| vector[k] * phase * m.sqrt()).collect();

@@ -1,7 +1,7 @@
 //! What an antenna array says of each satellite: from where it comes, and whether it should.
 
 use super::authenticity::{OneDirection, agrees, one_direction};
-use super::{Arrival, Bearing, Manifold, Signature, arrival};
+use super::{Arrival, Bearing, Manifold, Signature, SkyPicture, arrival};
 use crate::gnss::Sv;
 use nalgebra::{Unit, Vector3};
 
@@ -33,27 +33,46 @@ pub struct Prediction {
     pub agrees: bool,
 }
 
+/// Signals counted without knowing any code, and the satellites whose codes they turned out to be (route c).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlindCount {
+    /// Code periods that were decomposed.
+    pub periods: usize,
+    /// Singular values that noise does not explain: signals, whatever their code.
+    pub signals: usize,
+    /// Satellites found in them, strongest first.
+    pub satellites: Vec<Sv>,
+    /// Fourier transforms that took.
+    pub transforms: usize,
+    /// Inverse transforms that the full search of the same samples takes.
+    pub full_search_transforms: usize,
+}
+
 /// The satellites in the array's sky.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArraySky {
-    /// Satellites found, strongest first.
+    /// Sources and their directions, found before any code is known (route b); absent without geometry.
+    pub picture: Option<SkyPicture>,
+    /// Signals and satellites found in the code periods (route c).
+    pub blind: Option<BlindCount>,
+    /// Satellites despread, strongest first (route d).
     pub satellites: Vec<SatelliteArrival>,
     /// Whether they all come from one direction; `None` with too few to tell.
     pub one_direction: Option<OneDirection>,
 }
 
 impl ArraySky {
-    /// From the signatures of satellites, and where the array's geometry is known, its manifold.
-    pub fn new(signatures: Vec<(Sv, Signature)>, manifold: Option<&Manifold>) -> Self {
+    /// Adds the signatures of satellites; `manifold` where the array's geometry is known.
+    pub fn add(&mut self, signatures: Vec<(Sv, Signature)>, manifold: Option<&Manifold>) {
         let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
-        let one_direction = one_direction(&references);
+        self.one_direction = one_direction(&references);
         let seen = |(sv, signature): (Sv, Signature)| SatelliteArrival {
             sv,
             arrival: manifold.and_then(|m| arrival(m, &signature)),
             signature,
             predicted: None,
         };
-        Self { satellites: signatures.into_iter().map(seen).collect(), one_direction }
+        self.satellites = signatures.into_iter().map(seen).collect();
     }
 
     /// Compares the directions of satellites with where they should come from (unit vectors towards them, in

@@ -65,12 +65,10 @@ pub enum SparseError {
     #[error("LDA-l1,1 knows no row penalty: the engine ADMM solves it")]
     NoRows,
     /// A decomposition or a conic program that came to no end.
-    #[error("{doing}: no convergence ({problem})")]
+    #[error("{doing}: no convergence")]
     NoConvergence {
         /// What was being done.
         doing: &'static str,
-        /// What the library said.
-        problem: String,
     },
 }
 

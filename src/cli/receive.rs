@@ -4,6 +4,7 @@ use super::input::{Input, si_number};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
+use sdr_rx::array::LookOptions;
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
@@ -137,6 +138,7 @@ impl Receive {
             time: info.start_time,
             interval_s: 1.0,
             array: self.array.clone().or(info.array.clone()),
+            look: LookOptions::default(),
             suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
         }

@@ -10,7 +10,7 @@ use num_complex::Complex32;
 /// Bins per octave of power, as a power of two.
 const BITS: u32 = 4;
 /// Bins of power: the 8 bits of the exponent of a single-precision number and `BITS` of its fraction.
-pub(super) const BINS: usize = 1 << (8 + BITS);
+pub(crate) const BINS: usize = 1 << (8 + BITS);
 
 /// Greatest number of rounds of the fit; from each start first so many.
 const ROUNDS: usize = 100;
@@ -23,12 +23,12 @@ const STARTS: [[f64; 3]; 5] =
     [[0.1, 1.0, 10.0], [0.1, 1.0, 100.0], [0.05, 1.0, 1e3], [0.02, 1.0, 1e4], [0.8, 0.03, 1.0]];
 
 /// Number of the bin of a power: of zero the first, of what is not finite the last octave.
-pub(super) fn bin(power: f32) -> usize {
+pub(crate) fn bin(power: f32) -> usize {
     (power.to_bits() >> (23 - BITS)) as usize & (BINS - 1)
 }
 
 /// The power in the middle of a bin; NaN of the last octave.
-pub(super) fn middle(bin: usize) -> f64 {
+pub(crate) fn middle(bin: usize) -> f64 {
     f64::from(f32::from_bits(((2 * bin + 1) as u32) << (22 - BITS)))
 }
 

@@ -2,9 +2,13 @@
 
 use super::find::{Found, Region, search};
 use super::input::Head;
+use super::survey::survey;
 use super::{Outcome, ReceiverError, ReceiverOptions};
-use crate::acquisition::{Refined, Slip, find_slip, is_mirrored};
-use crate::array::{ArraySky, Manifold};
+use crate::acquisition::{
+    Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
+};
+use crate::array::Manifold;
+use crate::array::interference::Interference;
 
 /// With fewer satellites than this a deeper search follows.
 const ENOUGH_SATELLITES: usize = 8;
@@ -19,17 +23,32 @@ pub(super) fn acquire_head(
     rate_hz: f64,
     options: &ReceiverOptions,
     refine: u64,
+    interference: Option<&Interference>,
     outcome: &mut Outcome,
 ) -> Result<Vec<Found>, ReceiverError> {
     let whole_ms = (head.block.len() as f64 / rate_hz * 1e3 + 1e-6).floor() as usize;
     let mut asked = options.search.clone();
     asked.coherent_ms = asked.coherent_ms.min(whole_ms).max(1);
-    let mut cells = search(&head.block, rate_hz, &asked)?;
+    let mut surveyed = None;
+    if head.block.channels() > 1 {
+        let survey = survey(&head.block, rate_hz, interference, options)?;
+        asked.satellites.retain(|sv| survey.cells.iter().all(|c| c.sv != *sv));
+        surveyed = Some(survey);
+    }
+    let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();
+    let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
+        let mut cells = known.clone();
+        if !asked.satellites.is_empty() {
+            cells.extend(search(&head.block, rate_hz, asked)?);
+        }
+        Ok(cells)
+    };
+    let mut cells = search_rest(&asked)?;
     let deep = asked.max_windows.max(deep_windows(head.block.channels()));
     let deeper = deep > asked.max_windows && whole_ms > asked.coherent_ms * asked.max_windows;
     if cells.len() < ENOUGH_SATELLITES && deeper {
         asked.max_windows = deep;
-        cells = search(&head.block, rate_hz, &asked)?;
+        cells = search_rest(&asked)?;
     }
     let region =
         |end: u64| Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };

@@ -1,6 +1,8 @@
 //! The stream as the receiver sees it: conditioned, and its start held.
 
+use super::spatial::SpatialFilter;
 use super::{ReceiverError, ReceiverOptions};
+use crate::array::interference::Interference;
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::correlator::SampleBuffer;
 use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
@@ -32,6 +34,7 @@ impl Head {
 /// The source behind its conditioning.
 pub(super) struct Input<'a> {
     pub(super) source: &'a mut dyn SampleSource,
+    spatial: SpatialFilter,
     suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
     calibration: Option<Vec<Complex64>>,
@@ -50,7 +53,13 @@ impl<'a> Input<'a> {
         let suppressor = ImpulseSuppressor::new(options.suppression, source.info());
         let conditioner = Conditioner::new(source.info(), options.decimation);
         let calibration = options.array.as_ref().and_then(|a| a.calibration.clone());
-        Ok(Self { source, suppressor, conditioner, calibration, raw: Block::default() })
+        let spatial = SpatialFilter::default();
+        Ok(Self { source, spatial, suppressor, conditioner, calibration, raw: Block::default() })
+    }
+
+    /// Jammers that were removed, where there were any.
+    pub(super) fn interference(&self) -> Option<&Interference> {
+        self.spatial.interference()
     }
 
     /// What was found of impulses so far.
@@ -71,11 +80,20 @@ impl<'a> Input<'a> {
         let want = (CHUNK_S * self.source.info().rate_hz).ceil() as usize;
         if self.conditioner.is_identity() {
             self.source.read(block, want)?;
+            self.spatial.process(block);
             self.suppressor.process(block);
         } else {
             self.source.read(&mut self.raw, want)?;
+            // Real samples hold each wave twice, with opposite phases: jammers are removed from them when
+            // they are complex.
+            if !self.source.info().real {
+                self.spatial.process(&mut self.raw);
+            }
             self.suppressor.process(&mut self.raw);
             self.conditioner.process(&self.raw, block);
+            if self.source.info().real {
+                self.spatial.process(block);
+            }
         }
         if let Some(weights) = &self.calibration {
             block.weight_channels(weights);

@@ -3,10 +3,12 @@
 mod find;
 mod head;
 mod input;
+mod spatial;
+mod survey;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
-use crate::array::{ArraySky, Manifold};
+use crate::array::{ArraySky, LookOptions, Manifold};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::{ArrayDescription, direction};
@@ -49,6 +51,8 @@ pub struct ReceiverOptions {
     /// The antenna array whose elements the channels are, where it is known: directions need it, finding and
     /// tracking do not.
     pub array: Option<ArrayDescription>,
+    /// How an array looks for sources.
+    pub look: LookOptions,
     /// What is done about impulsive noise, before anything else.
     pub suppression: Suppression,
     /// Integer factor by which the rate is lowered then.
@@ -66,6 +70,7 @@ impl Default for ReceiverOptions {
             time: None,
             interval_s: 1.0,
             array: None,
+            look: LookOptions::default(),
             suppression: Suppression::default(),
             decimation: 1,
         }
@@ -131,7 +136,7 @@ pub fn acquire(
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.truncate(wanted);
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
-    acquire_head(&head, input.rate_hz(), options, outcome.samples, &mut outcome)?;
+    acquire_head(&head, input.rate_hz(), options, outcome.samples, input.interference(), &mut outcome)?;
     outcome.noise = input.noise();
     judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
@@ -150,7 +155,7 @@ pub fn process(
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
     let length = head.block.len() as u64;
     let refine = length.min((REFINE_S * rate_hz) as u64);
-    let found = acquire_head(&head, rate_hz, options, refine, &mut outcome)?;
+    let found = acquire_head(&head, rate_hz, options, refine, input.interference(), &mut outcome)?;
     let is_snapshot = head.is_all
         || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
     if is_snapshot {

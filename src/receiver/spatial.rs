@@ -2,7 +2,6 @@
 
 use crate::array::covariance::covariance;
 use crate::array::interference::Interference;
-use crate::array::{Bearing, Manifold};
 use crate::capture::Block;
 use num_complex::{Complex32, Complex64};
 

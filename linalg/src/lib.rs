@@ -1,0 +1,99 @@
+//! The dense complex linear algebra that sdr-rx needs of `faer`: plain functions of plain matrices.
+//!
+//! A crate of its own for one reason: `faer`'s decompositions are generic, and are compiled anew in each crate
+//! that calls them, for minutes. Here they are compiled once.
+
+use faer::linalg::solvers::{Llt, Solve};
+use faer::{Mat, Side};
+use num_complex::Complex64;
+
+/// Dynamic complex matrix.
+pub type CMat = Mat<Complex64>;
+
+/// Eigenvalues (descending) and eigenvectors (columns) of a Hermitian matrix, whose lower triangle is read;
+/// `None` where it is empty or not finite.
+pub fn hermitian_eigen(matrix: &CMat) -> Option<(Vec<f64>, CMat)> {
+    let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
+    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
+    let last = matrix.nrows().checked_sub(1)?;
+    let values: Vec<f64> = (0..=last).map(|k| values[last - k].re).collect();
+    let finite = values.iter().all(|v| v.is_finite());
+    finite.then(|| (values, CMat::from_fn(last + 1, last + 1, |i, k| vectors[(i, last - k)])))
+}
+
+/// The Cholesky factor of a Hermitian positive matrix, whose lower triangle is read.
+#[derive(Clone, Debug)]
+pub struct Cholesky(Llt<Complex64>);
+
+impl Cholesky {
+    /// Factorises; `None` where the matrix is not positive.
+    pub fn new(matrix: &CMat) -> Option<Self> {
+        matrix.llt(Side::Lower).ok().map(Self)
+    }
+
+    /// Solves for each column of `right`.
+    pub fn solve(&self, right: &CMat) -> CMat {
+        self.0.solve(right)
+    }
+}
+
+/// An orthonormal basis of the span of the columns (no more of them than rows).
+pub fn orthonormal_basis(columns: &CMat) -> CMat {
+    columns.qr().compute_thin_Q()
+}
+
+/// The thin singular value decomposition A = U S V^H: U, the singular values (descending), V; `None` where it
+/// does not converge.
+pub fn thin_svd(matrix: &CMat) -> Option<(CMat, Vec<f64>, CMat)> {
+    let svd = matrix.thin_svd().ok()?;
+    let values = svd.S().column_vector().iter().map(|s| s.re).collect();
+    Some((svd.U().to_owned(), values, svd.V().to_owned()))
+}
+
+/// The product A B.
+pub fn product(a: &CMat, b: &CMat) -> CMat {
+    a * b
+}
+
+/// The product A^H B.
+pub fn adjoint_product(a: &CMat, b: &CMat) -> CMat {
+    a.adjoint() * b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A matrix without structure.
+    fn matrix(rows: usize, columns: usize) -> CMat {
+        let entry = |i: usize, k: usize| ((i * 7 + k * 13 + 3) as f64 * 1.7).sin();
+        CMat::from_fn(rows, columns, |i, k| Complex64::new(entry(i, k), entry(k + 5, i)))
+    }
+
+    fn distance(a: &CMat, b: &CMat) -> f64 {
+        (a - b).norm_l2()
+    }
+
+    #[test]
+    fn decompositions_give_their_matrix_back() {
+        let a = matrix(7, 4);
+        let gram = adjoint_product(&a, &a);
+        let (values, vectors) = hermitian_eigen(&gram).unwrap();
+        assert!(values.is_sorted_by(|a, b| a >= b));
+        let scaled = CMat::from_fn(4, 4, |i, k| vectors[(i, k)] * values[k]);
+        assert!(distance(&(scaled * vectors.adjoint()), &gram) < 1e-12);
+        let (u, s, v) = thin_svd(&a).unwrap();
+        let scaled = CMat::from_fn(7, 4, |i, k| u[(i, k)] * s[k]);
+        assert!(distance(&(scaled * v.adjoint()), &a) < 1e-12);
+        let b = matrix(4, 2);
+        let solved = Cholesky::new(&gram).unwrap().solve(&b);
+        // The condition of the Gram matrix is some hundred.
+        assert!(distance(&product(&gram, &solved), &b) < 1e-11);
+        assert!(Cholesky::new(&CMat::from_fn(2, 2, |_, _| Complex64::ONE * -1.0)).is_none());
+        let basis = orthonormal_basis(&a);
+        assert!(distance(&adjoint_product(&basis, &basis), &CMat::identity(4, 4)) < 1e-13);
+        let projected = &basis * adjoint_product(&basis, &a);
+        assert!(distance(&projected, &a) < 1e-12);
+        assert!(hermitian_eigen(&CMat::zeros(0, 0)).is_none());
+    }
+}

@@ -1,0 +1,141 @@
+//! The sky picture: sources and their directions from the samples alone, before any code is known (route b).
+//!
+//! At real signal strengths a satellite lies some 20 dB under the noise of a sample, where the raw snapshots of
+//! the paper on JANE hold nothing. So the covariance of all samples is compressed to the few snapshots that
+//! stand above its noise; LDA-l1,1 (or the faster solver of the same problem) finds candidates in them; and
+//! JANE decides on the covariance which are there, how many, and from where.
+
+use super::covariance::{compress, covariance};
+use super::interference::Interference;
+use super::{
+    Bearing, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions, dictionary,
+    row_noise, row_rule, solve,
+};
+use num_complex::{Complex32, Complex64};
+
+/// Candidates of the dictionary in a beam's width.
+const POINTS_PER_BEAM: usize = 3;
+/// Most points of a dictionary: of a plane the square of this along each axis.
+const MOST_POINTS: usize = 40;
+
+/// How to look.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LookOptions {
+    /// The solver of the sparse problem.
+    pub sparse: SparseOptions,
+    /// The decision.
+    pub jane: JaneOptions,
+}
+
+impl Default for LookOptions {
+    /// The fast solver, and one false source in a thousand looks.
+    fn default() -> Self {
+        Self { sparse: SparseOptions::default(), jane: JaneOptions::default() }
+    }
+}
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum LookError {
+    /// The sparse problem could not be solved.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// The decision could not be made.
+    #[error(transparent)]
+    Jane(#[from] JaneError),
+    /// The samples hold no noise to measure by.
+    #[error("looking at the sky: the samples are all zero, or hold a number that is not finite")]
+    NoNoise,
+}
+
+/// Interference from one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jammer {
+    /// Where it comes from, where that could be told.
+    pub bearing: Option<Bearing>,
+    /// Power over the noise of one element's samples, all elements together, dB.
+    pub power_db: f64,
+}
+
+/// Sources in the sky of an array.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SkyPicture {
+    /// Number of elements.
+    pub elements: usize,
+    /// Samples of each element that were looked at.
+    pub samples: usize,
+    /// Jammers that were removed first.
+    pub jammers: Vec<Jammer>,
+    /// Eigenvalues of the covariance that noise does not explain.
+    pub rank: usize,
+    /// Groups of rows in the sparse estimate.
+    pub candidates: usize,
+    /// Sources decided on, strongest first; the powers are those of an element over its noise.
+    pub sources: Vec<Source>,
+}
+
+/// Looks at the samples of all elements, which have equal noise floors and no jammer left. The noise is that of
+/// a weak signal's map where impulses were suppressed.
+///
+/// # Errors
+/// See [`LookError`].
+pub fn look(
+    channels: &[&[Complex32]],
+    manifold: &Manifold,
+    interference: Option<&Interference>,
+    options: &LookOptions,
+) -> Result<SkyPicture, LookError> {
+    let samples = channels.first().map_or(0, |c| c.len());
+    let nulled = interference.map_or(0, Interference::count);
+    let r = covariance(channels);
+    let compressed =
+        compress(&r, samples, nulled, options.jane.false_alarm).ok_or(LookError::NoNoise)?;
+    let floor = compressed.division.floor;
+    let mut picture = SkyPicture {
+        elements: channels.len(),
+        samples,
+        jammers: interference.map_or(Vec::new(), |i| jammers(i, manifold)),
+        rank: compressed.division.rank,
+        ..SkyPicture::default()
+    };
+    let mut start = Vec::new();
+    if picture.rank > 0 {
+        let across = POINTS_PER_BEAM * channels.len();
+        let across = if manifold.dimensions() < 2 { across } else { across.min(MOST_POINTS) };
+        let grid = manifold.grid(across);
+        let responses = dictionary(manifold, &grid);
+        let estimate = solve(&responses, &compressed.snapshots, &options.sparse)?;
+        let residual = &compressed.snapshots - &responses * &estimate;
+        let groups = row_rule(&estimate, &grid, row_noise(&residual));
+        picture.candidates = groups.len();
+        start = groups.iter().map(|g| g.point).collect();
+    }
+    let jane = Jane::new(manifold, options.jane)?;
+    let decision =
+        jane.decide_covariance(with_floor(&r, interference, floor).as_ref(), samples as f64, Some(floor), &start)?;
+    picture.sources = decision.sources;
+    picture.sources.iter_mut().for_each(|s| s.power /= floor);
+    Ok(picture)
+}
+
+/// The covariance with noise of variance `floor` put back where jammers were projected away, so that noise
+/// is white again.
+fn with_floor(r: &super::CMat, interference: Option<&Interference>, floor: f64) -> super::CMat {
+    match interference {
+        Some(i) if !i.is_empty() => {
+            let hidden = &i.subspace * i.subspace.adjoint();
+            super::CMat::from_fn(r.nrows(), r.ncols(), |m, k| {
+                r[(m, k)] + Complex64::from(floor) * hidden[(m, k)]
+            })
+        }
+        _ => r.clone(),
+    }
+}
+
+/// Where the jammers come from.
+pub fn jammers(interference: &Interference, manifold: &Manifold) -> Vec<Jammer> {
+    let directions = interference.directions(manifold);
+    let bearing = |k: usize| directions.get(k).map(|(point, _)| manifold.bearing(*point));
+    let powers = interference.powers_db.iter().enumerate();
+    powers.map(|(k, &power_db)| Jammer { bearing: bearing(k), power_db }).collect()
+}
