@@ -3,6 +3,7 @@
 mod acquire;
 mod experiment;
 mod experiment_lda_l11;
+mod experiment_front_end;
 mod info;
 mod input;
 mod output;

@@ -28,6 +28,46 @@ fn draw(
     Ok(svg)
 }
 
+/// A row of a [`dot_plot`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dot {
+    /// What it is.
+    pub label: String,
+    /// Where its disc lies, if anywhere.
+    pub disc: Option<f64>,
+    /// Where its ring lies, if anywhere.
+    pub ring: Option<f64>,
+}
+
+/// One row for each label, from the top down: a disc for what was measured, a ring for what was expected.
+pub fn dot_plot(description: &str, dots: &[Dot]) -> Result<String, ReportError> {
+    let values = dots.iter().flat_map(|d| [d.disc, d.ring]).flatten();
+    let (low, high) = values.fold((0f64, 1f64), |(a, b), v| (a.min(v), b.max(v)));
+    let reach = 1.05 * (high - low);
+    let left = low - 0.45 * reach;
+    let rows = dots.len() as f64;
+    draw("dot plot", (640, 60 + 18 * dots.len() as u32), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .build_cartesian_2d(left..low + reach, rows..-0.5)?;
+        chart
+            .configure_mesh()
+            .disable_y_mesh()
+            .light_line_style(WHITE)
+            .x_desc(description)
+            .draw()?;
+        for (k, dot) in dots.iter().enumerate() {
+            let (y, label) = (k as f64, dot.label.clone());
+            chart.draw_series([Text::new(label, (left, y - 0.3), (FONT, 12))])?;
+            let disc = dot.disc.map(|x| Circle::new((x, y), 3, INK.filled()));
+            let ring = dot.ring.map(|x| Circle::new((x, y), 6, INK));
+            chart.draw_series(disc.into_iter().chain(ring))?;
+        }
+        Ok(())
+    })
+}
+
 /// The sky: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
 pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
     draw("sky plot", (420, 420), |area| {
