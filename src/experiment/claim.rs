@@ -28,7 +28,8 @@ pub fn claim_table(claims: &[Claim]) -> String {
     let width = |text: fn(&Claim) -> &str| {
         claims.iter().map(|c| text(c).chars().count()).max().unwrap_or(0).max(5)
     };
-    let [claim, paper, ours] = [|c: &Claim| &*c.claim, |c| &*c.paper, |c| &*c.ours].map(width);
+    let columns: [fn(&Claim) -> &str; 3] = [|c| &c.claim, |c| &c.paper, |c| &c.ours];
+    let [claim, paper, ours] = columns.map(width);
     let mut text =
         format!("  {:6}  {:claim$}  {:paper$}  {:ours$}\n", "", "claim", "paper", "here");
     for c in claims {
