@@ -10,7 +10,7 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Samples of each channel that are made at a time.
+/// Samples of all channels together that are made at a time.
 const BLOCK: usize = 1 << 18;
 
 /// Make a capture with known truth from a scenario
@@ -98,6 +98,7 @@ fn copy(
     mut write: impl FnMut(&Block) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let samples = source.info().samples.unwrap_or(0);
+    let at_a_time = BLOCK / source.info().channels;
     let bar = if io::stderr().is_terminal() {
         ProgressBar::new(samples)
             .with_style(ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?)
@@ -106,7 +107,7 @@ fn copy(
     };
     let mut block = Block::default();
     loop {
-        let read = source.read(&mut block, BLOCK).map_err(|e| anyhow::anyhow!(e))?;
+        let read = source.read(&mut block, at_a_time).map_err(|e| anyhow::anyhow!(e))?;
         if read == 0 {
             bar.finish_and_clear();
             return Ok(());
