@@ -87,6 +87,12 @@ impl ArraySky {
         }
     }
 
+    /// Number of sources seen without despreading: by direction, or by their code periods, whichever is more.
+    pub fn sources(&self) -> usize {
+        let by_direction = self.picture.as_ref().map_or(0, |p| p.sources.len());
+        by_direction.max(self.blind.as_ref().map_or(0, |b| b.signals))
+    }
+
     /// What of it a person should be warned of.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
