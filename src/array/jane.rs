@@ -145,7 +145,7 @@ impl Jane {
         let mut fit =
             RobustFit::new(manifold, snapshots, self.scan.step()).ok_or(JaneError::NoPower)?;
         start.iter().take(most.min(elements / 3)).for_each(|p| fit.add(*p));
-        fit.settle(ROUNDS);
+        fit.settle(ROUGHLY.0, ROUGHLY.1);
         self.prune(&mut fit, threshold);
         // The law of the noise is fitted anew once nothing more is found; what it hid may then appear.
         let mut law_is_new = false;
@@ -154,7 +154,7 @@ impl Jane {
                 && let Some(point) = self.another(&fit, threshold, count)
             {
                 fit.add(point);
-                fit.settle(ROUNDS);
+                fit.settle(ROUGHLY.0, ROUGHLY.1);
                 // What does not hold once the others have made room would be found again for ever.
                 if self.prune(&mut fit, threshold) {
                     law_is_new = false;
@@ -166,7 +166,7 @@ impl Jane {
             }
             law_is_new = true;
             fit.refit_law();
-            fit.settle(POLISH);
+            fit.settle(FINELY.0, FINELY.1);
         }
         self.prune(&mut fit, threshold);
         Ok(self.decision(&fit, threshold))
@@ -201,7 +201,7 @@ impl Jane {
             let keep: Vec<bool> = (0..tested.len()).map(|q| !order.contains(&q)).collect();
             last_stays &= keep[tested.len() - 1];
             fit.retain(&keep);
-            fit.settle(ROUNDS);
+            fit.settle(ROUGHLY.0, ROUGHLY.1);
         }
     }
 
@@ -250,9 +250,10 @@ impl Jane {
     }
 }
 
-/// Rounds of the fit after each change, and at the end.
-const ROUNDS: usize = 6;
-const POLISH: usize = 40;
+/// Rounds of the fit after each change, and when nothing more is found: how many at most, and the step, in
+/// standard deviations, that ends them.
+const ROUGHLY: (usize, f64) = (6, 0.3);
+const FINELY: (usize, f64) = (40, 0.01);
 
 /// The strongest first.
 pub(super) fn sorted(mut decision: Decision) -> Decision {

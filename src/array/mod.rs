@@ -18,6 +18,7 @@ mod lanes;
 mod lda_kernel;
 pub mod lda_l11;
 pub mod look;
+mod jane_cov;
 pub mod manifold;
 pub mod random;
 pub mod random_matrix;

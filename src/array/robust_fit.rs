@@ -19,9 +19,6 @@ use faer::{Mat, MatRef};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
-/// A step shorter than this share of its standard deviation is the last.
-const SETTLED: f64 = 1e-3;
-
 /// Sources, their signals and the law of the noise, on the way to the likeliest.
 pub(super) struct RobustFit<'a> {
     manifold: &'a Manifold,
@@ -64,7 +61,7 @@ impl<'a> RobustFit<'a> {
             information: 0.0,
             normal: None,
         };
-        fit.refit_law();
+        fit.start_law();
         (fit.law.background > 0.0 && fit.mean_weight.is_finite()).then_some(fit)
     }
 
@@ -100,16 +97,29 @@ impl<'a> RobustFit<'a> {
     pub fn retain(&mut self, keep: &[bool]) {
         let kept: Vec<usize> = (0..keep.len()).filter(|&q| keep[q]).collect();
         self.points = kept.iter().map(|&q| self.points[q]).collect();
-        self.signals =
-            CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
+        self.signals = CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
+    }
+
+    /// A law to start from: a tenth of impulses of ten times the variance that the median tells.
+    fn start_law(&mut self) {
+        let columns = (0..self.data.ncols()).flat_map(|n| self.residual.col_as_slice(n));
+        let mut powers: Vec<f64> = columns.map(|r| r.norm_sqr()).collect();
+        let middle = powers.len() / 2;
+        let mean = powers.iter().sum::<f64>() / powers.len() as f64;
+        let (_, median, _) = powers.select_nth_unstable_by(middle, f64::total_cmp);
+        // Where most samples are zero their mean tells more.
+        let background = if *median > 0.0 { *median / std::f64::consts::LN_2 } else { mean };
+        self.law = Mixture { share: 0.1, background, impulse: 10.0 * background, real: false };
+        self.weigh();
     }
 
     /// The law of the noise anew, from the residual alone.
     pub fn refit_law(&mut self) {
         let mut powers = PowerHistogram::default();
         let scale = self.residual_scale();
-        for r in self.residual.col_iter().flat_map(|c| c.iter()) {
-            powers.add((scale * r.norm_sqr()) as f32);
+        for n in 0..self.data.ncols() {
+            let column = self.residual.col_as_slice(n).iter();
+            column.for_each(|r| powers.add((scale * r.norm_sqr()) as f32));
         }
         if let Some(law) = Mixture::fit(&powers, false) {
             self.law = law;
@@ -117,11 +127,11 @@ impl<'a> RobustFit<'a> {
         self.weigh();
     }
 
-    /// At most so many rounds.
-    pub fn settle(&mut self, rounds: usize) {
+    /// At most so many rounds, or until no step is longer than this share of its standard deviation.
+    pub fn settle(&mut self, rounds: usize, settled: f64) {
         // A new source has its first signal after one round, its first step after two.
         for k in 0..rounds {
-            if self.round() < SETTLED && k >= 2 {
+            if self.round() < settled && k >= 2 {
                 break;
             }
         }
@@ -237,9 +247,10 @@ impl<'a> RobustFit<'a> {
         let mut products = Mat::<f64>::zeros(place(0, total), elements);
         for m in 0..elements {
             let of_element = products.col_as_slice_mut(m);
+            let row: Vec<Complex64> = columns.row(m).iter().copied().collect();
             for j in 0..total {
                 for i in 0..=j {
-                    let product = columns[(m, i)].conj() * columns[(m, j)];
+                    let product = row[i].conj() * row[j];
                     of_element[place(i, j)] = product.re;
                     of_element[place(i, j) + 1] = product.im;
                 }
@@ -253,9 +264,8 @@ impl<'a> RobustFit<'a> {
         let mut force = DVector::zeros(coordinates);
         for (n, block) in blocks.chunks_exact_mut(block_length(sources, coordinates)).enumerate() {
             let grams = grams.col_as_slice(n);
-            let gram =
-                |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
-            let slope = slopes.col_as_slice(n);
+            let gram = |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
+            let (slope, signals) = (slopes.col_as_slice(n), self.signals.col_as_slice(n));
             let (factor, rest) = block.split_at_mut(sources * sources);
             for i in 0..sources {
                 (0..=i).for_each(|j| factor[i * sources + j] = gram(j, i).conj());
@@ -269,14 +279,14 @@ impl<'a> RobustFit<'a> {
             rest.copy_from_slice(&slope[..sources]);
             forward(factor, rest);
             for q in 0..coordinates {
-                let signal = self.signals[(q / dimensions, n)];
+                let signal = signals[q / dimensions];
                 let column = &crossed[q * sources..(q + 1) * sources];
                 force[q] += (signal.conj() * (slope[sources + q] - dot(column, rest))).re;
                 for p in 0..=q {
                     let other = &crossed[p * sources..(p + 1) * sources];
                     let outside = gram(sources + p, sources + q) - dot(other, column);
-                    let signals = self.signals[(p / dimensions, n)].conj() * signal;
-                    hessian[(p, q)] += (signals * outside).re;
+                    let product = signals[p / dimensions].conj() * signal;
+                    hessian[(p, q)] += (product * outside).re;
                 }
             }
         }
@@ -296,8 +306,9 @@ impl<'a> RobustFit<'a> {
             let (factor, rest) = block.split_at(sources * sources);
             let (crossed, rest) = rest.split_at(coordinates * sources);
             change.copy_from_slice(rest);
+            let before = self.signals.col_as_slice(n);
             for (p, column) in crossed.chunks_exact(sources).enumerate() {
-                let by = self.signals[(p / dimensions, n)] * step[p];
+                let by = before[p / dimensions] * step[p];
                 change.iter_mut().zip(column).for_each(|(c, v)| *c -= by * v);
             }
             backward(factor, &mut change);
@@ -308,9 +319,12 @@ impl<'a> RobustFit<'a> {
 
     /// W.R, what the scan for another source looks at.
     pub fn weighted_residual(&self) -> CMat {
-        CMat::from_fn(self.data.nrows(), self.data.ncols(), |m, n| {
-            self.residual[(m, n)] * self.weights[(m, n)]
-        })
+        let mut weighted = self.residual.clone();
+        for n in 0..weighted.ncols() {
+            let pairs = weighted.col_as_slice_mut(n).iter_mut().zip(self.weights.col_as_slice(n));
+            pairs.for_each(|(r, w)| *r *= w);
+        }
+        weighted
     }
 
     /// Of each source: the statistic, Gamma(N, 1) when there is none, its power, and the covariance of its
@@ -325,12 +339,13 @@ impl<'a> RobustFit<'a> {
         let mut unit = vec![Complex64::ZERO; sources];
         for n in 0..snapshots {
             let factor = &normal.block(n, sources)[..sources * sources];
+            let signals = self.signals.col_as_slice(n);
             for q in 0..sources {
                 unit.fill(Complex64::ZERO);
                 unit[q] = Complex64::ONE;
                 forward(factor, &mut unit);
                 let variance = unit.iter().map(|u| u.norm_sqr()).sum::<f64>() / gain;
-                statistics[q] += self.signals[(q, n)].norm_sqr() / variance;
+                statistics[q] += signals[q].norm_sqr() / variance;
                 noise[q] += variance / snapshots as f64;
             }
         }

@@ -95,17 +95,19 @@ impl Scan {
     /// nothing of the manifold lies outside.
     pub fn strongest(&self, data: MatRef<'_, Complex64>, known: &CMat) -> Option<(Point, f64)> {
         let basis = (known.ncols() > 0).then(|| orthonormal_basis(known));
-        let mut seen = self.responses.adjoint() * data;
-        let mut new: Vec<f64> = self.responses.col_iter().map(|a| a.squared_norm_l2()).collect();
+        // A column per beam.
+        let mut seen = data.adjoint() * &self.responses;
+        let mut new = powers(self.responses.as_ref());
         if let Some(basis) = &basis {
-            let inside = self.responses.adjoint() * basis;
-            seen -= &inside * (basis.adjoint() * data);
-            for (new, row) in new.iter_mut().zip(inside.row_iter()) {
-                let left = *new - row.squared_norm_l2();
+            let inside = basis.adjoint() * &self.responses;
+            seen -= (data.adjoint() * basis) * &inside;
+            for (new, inside) in new.iter_mut().zip(powers(inside.as_ref())) {
+                let left = *new - inside;
                 *new = if left > LEAST_NEW * *new { left } else { f64::INFINITY };
             }
         }
-        let scores = seen.row_iter().zip(&new).map(|(row, new)| row.squared_norm_l2() / new);
+        let seen = powers(seen.as_ref());
+        let scores = seen.iter().zip(&new).map(|(seen, new)| seen / new);
         let (best, score) = scores.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
         (score > 0.0).then(|| self.climb(self.points[best], score, data, basis.as_ref()))
     }
@@ -149,6 +151,11 @@ impl Scan {
         let new = a.squared_norm_l2();
         if new > LEAST_NEW * whole { (a.adjoint() * data).squared_norm_l2() / new } else { 0.0 }
     }
+}
+
+/// Of each column the sum of its squared moduli.
+fn powers(a: MatRef<'_, Complex64>) -> Vec<f64> {
+    a.col_iter().map(|column| column.squared_norm_l2()).collect()
 }
 
 /// Lambda of the module's text, at the middle of the manifold.

@@ -70,7 +70,12 @@ pub(super) fn acquire_head(
     let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
     let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
     let signatures: Vec<_> = found.iter().filter_map(signature).collect();
-    outcome.sky = (!signatures.is_empty()).then(|| ArraySky::new(signatures, manifold.as_ref()));
+    outcome.sky = surveyed.map(|survey| {
+        outcome.warnings.extend(survey.warnings);
+        let mut sky = survey.sky;
+        sky.add(signatures, manifold.as_ref());
+        sky
+    });
     Ok(found)
 }
 
