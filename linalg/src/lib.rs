@@ -60,6 +60,11 @@ pub fn adjoint_product(a: &CMat, b: &CMat) -> CMat {
     a.adjoint() * b
 }
 
+/// The product A B of real matrices.
+pub fn real_product(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    a * b
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,10 +13,8 @@
 
 use super::robust_fit::{RobustFit, Tested};
 use super::scan::Scan;
-use super::{Bearing, Manifold, Point};
+use super::{Bearing, CMat, Manifold, Point};
 use crate::front_end::mixture::Mixture;
-use faer::MatRef;
-use num_complex::Complex64;
 
 /// How to decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,11 +130,7 @@ impl Jane {
     ///
     /// # Errors
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
-    pub fn decide(
-        &self,
-        snapshots: MatRef<'_, Complex64>,
-        start: &[Point],
-    ) -> Result<Decision, JaneError> {
+    pub fn decide(&self, snapshots: &CMat, start: &[Point]) -> Result<Decision, JaneError> {
         let elements = self.check(snapshots)?;
         let count = snapshots.ncols() as f64;
         let threshold = self.scan.threshold(self.options.false_alarm, count);
@@ -173,7 +167,7 @@ impl Jane {
     }
 
     /// Rows of the data, if they are this array's.
-    pub(super) fn check(&self, data: MatRef<'_, Complex64>) -> Result<usize, JaneError> {
+    pub(super) fn check(&self, data: &CMat) -> Result<usize, JaneError> {
         let (rows, columns) = data.shape();
         let elements = self.manifold().elements();
         if rows != elements || columns == 0 {
@@ -208,7 +202,7 @@ impl Jane {
     /// Where the scan finds another source.
     fn another(&self, fit: &RobustFit<'_>, threshold: f64, count: f64) -> Option<Point> {
         let data = fit.weighted_residual();
-        let (point, score) = self.scan.strongest(data.as_ref(), &fit.responses())?;
+        let (point, score) = self.scan.strongest(&data, &fit.responses())?;
         // What the errors of the responses to known sources may put into one beam.
         let known: f64 = fit.tested().iter().map(|t| t.power).sum();
         let information = fit.information();

@@ -20,9 +20,7 @@ use super::crb::inverse;
 use super::jane::{Decision, Jane, JaneError, sorted};
 use super::{CMat, Manifold, Point, dictionary};
 use crate::front_end::mixture::Mixture;
-use faer::MatRef;
-use num_complex::Complex64;
-use sdr_rx_linalg::{Cholesky, hermitian_eigen};
+use sdr_rx_linalg::{Cholesky, adjoint_product, hermitian_eigen, product};
 
 /// Rounds at most, and the step over its standard deviation that ends them.
 const ROUNDS: usize = 60;
@@ -39,7 +37,7 @@ impl Jane {
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
     pub fn decide_covariance(
         &self,
-        covariance: MatRef<'_, Complex64>,
+        covariance: &CMat,
         samples: f64,
         noise: Option<f64>,
         start: &[Point],
@@ -57,7 +55,7 @@ impl Jane {
         let start = start.iter().take(most.min(elements / 3)).copied().collect();
         let (mut fit, _) = self.pruned(&data, data.settled(start, self.scan.step()), threshold);
         while fit.points.len() < most {
-            let Some((point, power)) = self.scan.strongest(root.as_ref(), &fit.responses) else {
+            let Some((point, power)) = self.scan.strongest(&root, &fit.responses) else {
                 break;
             };
             let known: f64 = fit.powers.iter().sum();
@@ -74,10 +72,11 @@ impl Jane {
             }
         }
         let sources = (0..fit.points.len())
-            .map(|q| self.source(fit.points[q], fit.covariances[q], fit.powers[q], fit.statistics[q]))
+            .map(|q| {
+                self.source(fit.points[q], fit.covariances[q], fit.powers[q], fit.statistics[q])
+            })
             .collect();
-        let noise =
-            Mixture { share: 0.0, background: fit.noise, impulse: fit.noise, real: false };
+        let noise = Mixture { share: 0.0, background: fit.noise, impulse: fit.noise, real: false };
         Ok(sorted(Decision { sources, noise, information: 1.0 / fit.noise, threshold }))
     }
 
@@ -102,7 +101,7 @@ impl Jane {
 
 struct CovarianceData<'a> {
     manifold: &'a Manifold,
-    r: MatRef<'a, Complex64>,
+    r: &'a CMat,
     samples: f64,
     noise: Option<f64>,
 }
@@ -129,7 +128,8 @@ impl CovarianceData<'_> {
             let Some(next) = self.downhill(&fit, reach) else { break };
             let longest = fit.points.iter().zip(&next.points).zip(&fit.covariances);
             let longest = longest.map(|((from, to), covariance)| {
-                let share = |k: usize| (to[k] - from[k]).abs() / covariance[k][k].sqrt().max(1e-300);
+                let share =
+                    |k: usize| (to[k] - from[k]).abs() / covariance[k][k].sqrt().max(1e-300);
                 (0..self.manifold.dimensions()).map(share).fold(0.0, f64::max)
             });
             let longest = longest.fold(0.0, f64::max);
@@ -163,7 +163,7 @@ impl CovarianceData<'_> {
     fn at(&self, points: Vec<Point>) -> Fit {
         let (elements, dimensions) = (self.manifold.elements(), self.manifold.dimensions());
         let responses = dictionary(self.manifold, &points);
-        let mut gram = responses.adjoint() * &responses;
+        let mut gram = adjoint_product(&responses, &responses);
         // Two sources in one place: as far apart as rounding.
         (0..points.len()).for_each(|q| gram[(q, q)] *= 1.0 + 1e-12);
         let unit = CMat::identity(points.len(), points.len());
@@ -171,13 +171,14 @@ impl CovarianceData<'_> {
             Some(factor) => factor.solve(&unit),
             None => unit,
         };
-        let pseudo = &inverse_gram * responses.adjoint();
-        let seen = &pseudo * self.r;
-        let signals = &seen * pseudo.adjoint();
+        let pseudo = product(&inverse_gram, &responses.adjoint().to_owned());
+        let seen = product(&pseudo, self.r);
+        let signals = product(&seen, &pseudo.adjoint().to_owned());
         // A^+ R P.
-        let crossed = &seen - &signals * responses.adjoint();
+        let crossed = &seen - product(&signals, &responses.adjoint().to_owned());
         let total: f64 = (0..elements).map(|m| self.r[(m, m)].re).sum();
-        let inside: f64 = (0..points.len()).map(|q| (seen.row(q) * responses.col(q)).re).sum();
+        let inside: f64 =
+            product(&seen, &responses).diagonal().column_vector().iter().map(|s| s.re).sum();
         let outside = (total - inside).max(f64::MIN_POSITIVE);
         let noise = self.noise.unwrap_or(outside / (elements - points.len()) as f64);
 
@@ -194,16 +195,17 @@ impl CovarianceData<'_> {
         for (q, point) in fit.points.iter().enumerate() {
             let slopes = self.manifold.derivatives(*point);
             let d = CMat::from_fn(elements, dimensions, |m, k| slopes[k][m]);
-            let shadow = fit.responses.adjoint() * &d;
-            let curvature = d.adjoint() * &d - shadow.adjoint() * (&inverse_gram * &shadow);
-            let slope = crossed.row(q) * &d;
+            let shadow = adjoint_product(&fit.responses, &d);
+            let inside = adjoint_product(&shadow, &product(&inverse_gram, &shadow));
+            let curvature = adjoint_product(&d, &d) - inside;
+            let slope = product(&crossed, &d);
             let signal = signals[(q, q)].re;
             let beam = noise * inverse_gram[(q, q)].re;
             // Less than its own uncertainty is no power to divide by.
             let power = (signal - beam).max(beam / self.samples.sqrt());
             let inverse = inverse(|i, j| curvature[(i, j)].re, dimensions);
             let step = |i: usize| {
-                let along = (0..dimensions).map(|j| inverse[i][j] * slope[j].re);
+                let along = (0..dimensions).map(|j| inverse[i][j] * slope[(q, j)].re);
                 along.sum::<f64>() / power
             };
             fit.steps.push([step(0), if dimensions > 1 { step(1) } else { 0.0 }]);
@@ -217,8 +219,8 @@ impl CovarianceData<'_> {
 }
 
 /// A matrix B with B B^H = R, negative eigenvalues left out; `None` where there is none.
-fn square_root(r: MatRef<'_, Complex64>) -> Option<CMat> {
-    let (values, mut root) = hermitian_eigen(&r.to_owned())?;
+fn square_root(r: &CMat) -> Option<CMat> {
+    let (values, mut root) = hermitian_eigen(r)?;
     for (k, value) in values.iter().enumerate() {
         let scale = value.max(0.0).sqrt();
         root.col_as_slice_mut(k).iter_mut().for_each(|u| *u *= scale);

@@ -15,14 +15,15 @@
 use super::dictionary::dictionary;
 use super::{CMat, Manifold, Point};
 use crate::front_end::mixture::{Mixture, PowerHistogram};
-use faer::{Mat, MatRef};
+use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use sdr_rx_linalg::{adjoint_product, product, real_product};
 
 /// Sources, their signals and the law of the noise, on the way to the likeliest.
 pub(super) struct RobustFit<'a> {
     manifold: &'a Manifold,
-    data: MatRef<'a, Complex64>,
+    data: &'a CMat,
     /// Longest step of a coordinate.
     reach: f64,
     points: Vec<Point>,
@@ -47,14 +48,14 @@ struct Normal {
 
 impl<'a> RobustFit<'a> {
     /// A fit without sources yet; `None` when there is no power in the data.
-    pub fn new(manifold: &'a Manifold, data: MatRef<'a, Complex64>, reach: f64) -> Option<Self> {
+    pub fn new(manifold: &'a Manifold, data: &'a CMat, reach: f64) -> Option<Self> {
         let mut fit = Self {
             manifold,
             data,
             reach,
             points: Vec::new(),
             signals: CMat::zeros(0, data.ncols()),
-            residual: data.to_owned(),
+            residual: data.clone(),
             law: Mixture { share: 0.0, background: 1.0, impulse: 1.0, real: false },
             weights: Mat::zeros(data.nrows(), data.ncols()),
             mean_weight: 0.0,
@@ -97,7 +98,8 @@ impl<'a> RobustFit<'a> {
     pub fn retain(&mut self, keep: &[bool]) {
         let kept: Vec<usize> = (0..keep.len()).filter(|&q| keep[q]).collect();
         self.points = kept.iter().map(|&q| self.points[q]).collect();
-        self.signals = CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
+        self.signals =
+            CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
     }
 
     /// A law to start from: a tenth of impulses of ten times the variance that the median tells.
@@ -194,7 +196,7 @@ impl<'a> RobustFit<'a> {
             }
             let points = self.moved(&step);
             let signals = self.corrected(&normal, &step);
-            let residual = self.data - dictionary(self.manifold, &points) * &signals;
+            let residual = self.data - product(&dictionary(self.manifold, &points), &signals);
             if halvings == 5 || self.weighted_power(&residual) <= before {
                 (self.points, self.signals, self.residual) = (points, signals, residual);
                 break;
@@ -256,15 +258,16 @@ impl<'a> RobustFit<'a> {
                 }
             }
         }
-        let grams = products * &self.weights;
-        let slopes = columns.adjoint() * self.weighted_residual();
+        let grams = real_product(&products, &self.weights);
+        let slopes = adjoint_product(&columns, &self.weighted_residual());
 
         let mut blocks = vec![Complex64::ZERO; snapshots * block_length(sources, coordinates)];
         let mut hessian = DMatrix::zeros(coordinates, coordinates);
         let mut force = DVector::zeros(coordinates);
         for (n, block) in blocks.chunks_exact_mut(block_length(sources, coordinates)).enumerate() {
             let grams = grams.col_as_slice(n);
-            let gram = |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
+            let gram =
+                |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
             let (slope, signals) = (slopes.col_as_slice(n), self.signals.col_as_slice(n));
             let (factor, rest) = block.split_at_mut(sources * sources);
             for i in 0..sources {

@@ -13,9 +13,8 @@
 //! linear array of M elements half a wavelength apart, L = 2 pi sqrt((M^2 - 1) / 12).
 
 use super::{CMat, Manifold, Point};
-use faer::MatRef;
 use num_complex::Complex64;
-use sdr_rx_linalg::orthonormal_basis;
+use sdr_rx_linalg::{adjoint_product, orthonormal_basis, product};
 use std::f64::consts::PI;
 
 /// A beam with less than this share of its power outside of the sources found is not looked at: a start so
@@ -93,33 +92,27 @@ impl Scan {
     /// The point with the greatest sum of |b^H e|^2 / |b|^2 over the columns e of `data`, and that sum, where
     /// b is the part of the point's response outside of the span of the columns of `known`. `None` when
     /// nothing of the manifold lies outside.
-    pub fn strongest(&self, data: MatRef<'_, Complex64>, known: &CMat) -> Option<(Point, f64)> {
+    pub fn strongest(&self, data: &CMat, known: &CMat) -> Option<(Point, f64)> {
         let basis = (known.ncols() > 0).then(|| orthonormal_basis(known));
         // A column per beam.
-        let mut seen = data.adjoint() * &self.responses;
-        let mut new = powers(self.responses.as_ref());
+        let mut seen = adjoint_product(data, &self.responses);
+        let mut new = powers(&self.responses);
         if let Some(basis) = &basis {
-            let inside = basis.adjoint() * &self.responses;
-            seen -= (data.adjoint() * basis) * &inside;
-            for (new, inside) in new.iter_mut().zip(powers(inside.as_ref())) {
+            let inside = adjoint_product(basis, &self.responses);
+            seen -= product(&adjoint_product(data, basis), &inside);
+            for (new, inside) in new.iter_mut().zip(powers(&inside)) {
                 let left = *new - inside;
                 *new = if left > LEAST_NEW * *new { left } else { f64::INFINITY };
             }
         }
-        let seen = powers(seen.as_ref());
+        let seen = powers(&seen);
         let scores = seen.iter().zip(&new).map(|(seen, new)| seen / new);
         let (best, score) = scores.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
         (score > 0.0).then(|| self.climb(self.points[best], score, data, basis.as_ref()))
     }
 
     /// To the top of the hill between the grid's points.
-    fn climb(
-        &self,
-        from: Point,
-        score: f64,
-        data: MatRef<'_, Complex64>,
-        basis: Option<&CMat>,
-    ) -> (Point, f64) {
+    fn climb(&self, from: Point, score: f64, data: &CMat, basis: Option<&CMat>) -> (Point, f64) {
         let (mut best, mut step) = ((from, score), self.step);
         for _ in 0..4 {
             step *= 0.5;
@@ -138,7 +131,7 @@ impl Scan {
         best
     }
 
-    fn score(&self, point: Point, data: MatRef<'_, Complex64>, basis: Option<&CMat>) -> f64 {
+    fn score(&self, point: Point, data: &CMat, basis: Option<&CMat>) -> f64 {
         if point[0].hypot(point[1]) > 1.0 {
             return 0.0;
         }
@@ -146,15 +139,19 @@ impl Scan {
         let mut a = CMat::from_fn(response.len(), 1, |m, _| response[m]);
         let whole = a.squared_norm_l2();
         if let Some(basis) = basis {
-            a -= basis * (basis.adjoint() * &a);
+            a -= product(basis, &adjoint_product(basis, &a));
         }
         let new = a.squared_norm_l2();
-        if new > LEAST_NEW * whole { (a.adjoint() * data).squared_norm_l2() / new } else { 0.0 }
+        if new > LEAST_NEW * whole {
+            adjoint_product(&a, data).squared_norm_l2() / new
+        } else {
+            0.0
+        }
     }
 }
 
 /// Of each column the sum of its squared moduli.
-fn powers(a: MatRef<'_, Complex64>) -> Vec<f64> {
+fn powers(a: &CMat) -> Vec<f64> {
     a.col_iter().map(|column| column.squared_norm_l2()).collect()
 }
 
@@ -233,11 +230,11 @@ mod tests {
         let at = [0.3217, 0.0];
         let a = manifold.response(at);
         let data = CMat::from_fn(8, 1, |m, _| a[m]);
-        let (point, score) = scan.strongest(data.as_ref(), &CMat::zeros(8, 0)).unwrap();
+        let (point, score) = scan.strongest(&data, &CMat::zeros(8, 0)).unwrap();
         // The climb ends within a thirty-second of the grid's step, 1/16: 1e-3 of the power there.
         assert!((point[0] - at[0]).abs() < 2e-3 && (score / 8.0 - 1.0).abs() < 1e-3);
         // Nothing of it is left outside of its own response.
-        let (_, rest) = scan.strongest(data.as_ref(), &data).unwrap();
+        let (_, rest) = scan.strongest(&data, &data).unwrap();
         assert!(rest < 1e-20);
     }
 }
