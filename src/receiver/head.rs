@@ -74,7 +74,7 @@ pub(super) fn acquire_head(
             outcome.warnings.extend(survey.warnings);
             sky = survey.sky;
         }
-        outcome.sky = Some(see(sky, &found, options));
+        outcome.sky = Some(see(sky, &found, rate_hz, interference, options));
     }
     Ok(found)
 }

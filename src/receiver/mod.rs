@@ -8,6 +8,7 @@ mod survey;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+use crate::array::interference::Interference;
 use crate::array::{ArraySky, LookOptions, Manifold};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
@@ -174,7 +175,7 @@ pub fn look(
         let found = region.refine_all(&survey.cells, &options.search);
         outcome.acquisitions = found.iter().map(|f| f.refined).collect();
         outcome.warnings = survey.warnings;
-        outcome.sky = Some(see(survey.sky, &found, options));
+        outcome.sky = Some(see(survey.sky, &found, rate_hz, input.interference(), options));
     }
     outcome.noise = input.noise();
     judge_sky(&mut outcome, options);
@@ -183,10 +184,16 @@ pub fn look(
 }
 
 /// The sky with the signatures of the satellites found.
-fn see(mut sky: ArraySky, found: &[Found], options: &ReceiverOptions) -> ArraySky {
-    let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
+fn see(
+    mut sky: ArraySky,
+    found: &[Found],
+    rate_hz: f64,
+    interference: Option<&Interference>,
+    options: &ReceiverOptions,
+) -> ArraySky {
+    let manifold = manifold(interference, options);
     let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
-    sky.add(found.iter().filter_map(signature).collect(), manifold.as_ref());
+    sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
     sky
 }
 
@@ -219,6 +226,12 @@ pub fn process(
     judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
+}
+
+/// The array's manifold, where its geometry is known, as the samples show it beside jammers.
+fn manifold(interference: Option<&Interference>, options: &ReceiverOptions) -> Option<Manifold> {
+    let whole = Manifold::new(options.array.as_ref()?.in_enu());
+    Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
 }
 
 /// Compares the array's sky with the first fix, and warns.

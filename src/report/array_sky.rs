@@ -40,9 +40,11 @@ impl From<Bearing> for BearingRecord {
 pub struct ArraySkyRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<usize>,
-    /// By LDA-l1,1 and JANE on the covariance, before any code was known.
+    /// All that is known: satellites despread, and what no satellite explains.
+    sources: Vec<SourceRecord>,
+    /// By LDA-l1,1 and JANE on the covariance, before any code was known; absent where signals are too many.
     #[serde(skip_serializing_if = "Option::is_none")]
-    sources: Option<Vec<SourceRecord>>,
+    blind_sources: Option<Vec<SourceRecord>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     jammers: Vec<JammerRecord>,
     /// By the singular values of the code periods, before any code was known.
@@ -58,6 +60,10 @@ pub struct ArraySkyRecord {
 
 #[derive(Clone, Debug, Serialize)]
 struct SourceRecord {
+    /// How it was found: `despread` or `covariance`.
+    route: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sv: Option<Sv>,
     #[serde(flatten)]
     bearing: BearingRecord,
     /// Of the angle, or the greater of azimuth's (times the cosine of the elevation) and elevation's.
@@ -104,10 +110,15 @@ impl ArraySkyRecord {
     /// The record of an array's sky.
     pub fn new(sky: &ArraySky) -> Self {
         let picture = sky.picture.as_ref();
+        let despread = sky.satellites.iter().filter_map(SourceRecord::of_satellite);
+        let others = sky.unexplained().map(SourceRecord::new);
         let jammers = picture.map_or(&[][..], |p| &p.jammers);
         Self {
             elements: picture.map(|p| p.elements),
-            sources: picture.map(|p| p.sources.iter().map(SourceRecord::new).collect()),
+            sources: despread.chain(others).collect(),
+            blind_sources: picture
+                .filter(|p| !p.crowded)
+                .map(|p| p.sources.iter().map(SourceRecord::new).collect()),
             jammers: jammers.iter().map(JammerRecord::new).collect(),
             signals: sky.blind.as_ref().map(|b| b.signals),
             blind_satellites: sky.blind.as_ref().map(|b| b.satellites.clone()),
@@ -120,10 +131,25 @@ impl ArraySkyRecord {
 impl SourceRecord {
     fn new(source: &Source) -> Self {
         Self {
+            route: "covariance",
+            sv: None,
             bearing: source.bearing.into(),
             sigma_deg: source_sigma_deg(source),
             power_db: 10.0 * source.power.log10(),
         }
+    }
+}
+
+impl SourceRecord {
+    fn of_satellite(satellite: &SatelliteArrival) -> Option<Self> {
+        let arrival = satellite.arrival.as_ref()?;
+        Some(Self {
+            route: "despread",
+            sv: Some(satellite.sv),
+            bearing: arrival.bearing.into(),
+            sigma_deg: sigma_deg(arrival),
+            power_db: 10.0 * satellite.sample_snr.log10(),
+        })
     }
 }
 
@@ -209,7 +235,7 @@ fn sources_text(sky: &ArraySky) -> String {
         let _ = writeln!(
             text,
             "  sources     {} by LDA-l1,1 and JANE on the covariance of {} elements, {} samples",
-            picture.sources.len(),
+            if picture.crowded { "too many to tell".to_owned() } else { picture.sources.len().to_string() },
             picture.elements,
             picture.samples
         );
