@@ -86,7 +86,10 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
 }
 
 /// Satellites that a search of 10 ms finds (periods of 1 ms summed) in (0.1, 50) noise at 41 dB-Hz.
-fn cold_search(suppression: Suppression, seed: u64) -> Result<(usize, usize), Box<dyn std::error::Error + Send + Sync>> {
+fn cold_search(
+    suppression: Suppression,
+    seed: u64,
+) -> Result<(usize, usize), Box<dyn std::error::Error + Send + Sync>> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/signals/impulsive_8sv.toml");
     let mut scenario = Scenario::read(path.as_ref())?;
     scenario.front_end.bits = None;
@@ -108,7 +111,8 @@ fn cold_search(suppression: Suppression, seed: u64) -> Result<(usize, usize), Bo
 fn a_cold_search_in_impulses_finds_all_satellites_with_suppression_and_none_without()
 -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     for (suppression, _) in CHOICES {
-        let runs = (1..=4).map(|seed| cold_search(suppression, seed)).collect::<Result<Vec<_>, _>>()?;
+        let runs =
+            (1..=4).map(|seed| cold_search(suppression, seed)).collect::<Result<Vec<_>, _>>()?;
         let (right, wrong) = runs.iter().fold((0, 0), |(a, b), run| (a + run.0, b + run.1));
         println!("{suppression}: {right} of 32 found, {wrong} false: {runs:?}");
         let expected = if suppression == Suppression::Off { 0 } else { 32 };

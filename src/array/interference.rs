@@ -309,7 +309,7 @@ mod tests {
         let mut chance = rand_chacha::ChaCha8Rng::seed_from_u64(12);
         let noise: Vec<Vec<Complex32>> = (0..elements)
             .map(|_| {
-                let impulse = |_| if chance.random::<f64>() < share { ratio } else { 1.0 };
+                let mut impulse = |_| if chance.random::<f64>() < share { ratio } else { 1.0 };
                 (0..samples).map(|n| normal(impulse(n))).collect()
             })
             .collect();

@@ -1,6 +1,9 @@
 //! The commands: one file each, and no signal processing.
 
 mod acquire;
+mod experiment;
+mod experiment_lda_l11;
+mod experiment_front_end;
 mod info;
 mod input;
 mod output;
@@ -23,6 +26,7 @@ struct Cli {
 enum Command {
     Process(process::Process),
     Acquire(acquire::Acquire),
+    Experiment(experiment::Experiment),
     Info(info::Info),
     Simulate(simulate::Simulate),
 }
@@ -32,6 +36,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Process(args) => process::run(&args),
         Command::Acquire(args) => acquire::run(&args),
+        Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };

@@ -38,13 +38,14 @@ pub(super) struct Region<'a> {
     pub(super) end: u64,
 }
 
-/// Satellites in a block, over at most [`SEARCHED_CHANNELS`] of its channels.
+/// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`].
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
     options: &SearchOptions,
+    most: usize,
 ) -> Result<Vec<Acquisition>, AcquisitionError> {
-    let count = block.channels().min(SEARCHED_CHANNELS);
+    let count = block.channels().min(SEARCHED_CHANNELS).min(most).max(1);
     let spread = |k: usize| k * block.channels() / count;
     let channels: Vec<&[Complex32]> = (0..count).map(|k| block.channel(spread(k))).collect();
     let plan = SearchPlan::new(rate_hz, options.clone())?;

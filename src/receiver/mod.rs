@@ -132,11 +132,18 @@ pub fn acquire(
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
     let mut input = Input::new(source, options)?;
-    let mut head = input.head(seconds)?;
+    let mut head = input.head(seconds, &options.search)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.truncate(wanted);
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
-    acquire_head(&head, input.rate_hz(), options, outcome.samples, input.interference(), &mut outcome)?;
+    acquire_head(
+        &head,
+        input.rate_hz(),
+        options,
+        outcome.samples,
+        input.interference(),
+        &mut outcome,
+    )?;
     outcome.noise = input.noise();
     judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
@@ -151,7 +158,7 @@ pub fn process(
 ) -> Result<Outcome, ReceiverError> {
     let mut input = Input::new(source, options)?;
     let rate_hz = input.rate_hz();
-    let head = input.head(HEAD_S)?;
+    let head = input.head(HEAD_S, &options.search)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
     let length = head.block.len() as u64;
     let refine = length.min((REFINE_S * rate_hz) as u64);

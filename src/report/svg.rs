@@ -1,6 +1,7 @@
 //! Plots as SVG. The drawing library is named in this file only.
 
-use super::{ReportError, SkyEntry, Summary};
+use super::{LinePlot, ReportError, SkyEntry, Summary};
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -25,6 +26,46 @@ fn draw(
         shown.map_err(|e| ReportError::Plot { plot, problem: e.to_string() })?;
     }
     Ok(svg)
+}
+
+/// A row of a [`dot_plot`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dot {
+    /// What it is.
+    pub label: String,
+    /// Where its disc lies, if anywhere.
+    pub disc: Option<f64>,
+    /// Where its ring lies, if anywhere.
+    pub ring: Option<f64>,
+}
+
+/// One row for each label, from the top down: a disc for what was measured, a ring for what was expected.
+pub fn dot_plot(description: &str, dots: &[Dot]) -> Result<String, ReportError> {
+    let values = dots.iter().flat_map(|d| [d.disc, d.ring]).flatten();
+    let (low, high) = values.fold((0f64, 1f64), |(a, b), v| (a.min(v), b.max(v)));
+    let reach = 1.05 * (high - low);
+    let left = low - 0.45 * reach;
+    let rows = dots.len() as f64;
+    draw("dot plot", (640, 60 + 18 * dots.len() as u32), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .build_cartesian_2d(left..low + reach, rows..-0.5)?;
+        chart
+            .configure_mesh()
+            .disable_y_mesh()
+            .light_line_style(WHITE)
+            .x_desc(description)
+            .draw()?;
+        for (k, dot) in dots.iter().enumerate() {
+            let (y, label) = (k as f64, dot.label.clone());
+            chart.draw_series([Text::new(label, (left, y - 0.3), (FONT, 12))])?;
+            let disc = dot.disc.map(|x| Circle::new((x, y), 3, INK.filled()));
+            let ring = dot.ring.map(|x| Circle::new((x, y), 6, INK));
+            chart.draw_series(disc.into_iter().chain(ring))?;
+        }
+        Ok(())
+    })
 }
 
 /// The sky: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
@@ -114,4 +155,75 @@ pub fn height_plot(summary: &Summary, times_s: &[f64]) -> Result<String, ReportE
         chart.draw_series(points.map(|p| Circle::new(p, 2, INK.filled())))?;
         Ok(())
     })
+}
+
+const INKS: [RGBColor; 8] = [
+    INK,
+    RGBColor(200, 60, 40),
+    RGBColor(40, 140, 70),
+    RGBColor(150, 80, 170),
+    RGBColor(220, 150, 20),
+    RGBColor(90, 90, 90),
+    RGBColor(20, 160, 170),
+    RGBColor(180, 60, 120),
+];
+
+/// Curves with a legend.
+pub(super) fn draw_lines(plot: &LinePlot) -> Result<String, ReportError> {
+    let points = || plot.curves.iter().flat_map(|curve| plot.drawable(curve));
+    let range = |values: &mut dyn Iterator<Item = f64>, log: bool| {
+        let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+        match (low < high, log) {
+            (false, _) => 0.5..1.5,
+            (true, true) => low / 1.2..high * 1.2,
+            // A linear axis of what is never negative starts at 0.
+            (true, false) if low >= 0.0 => 0.0..1.03 * high,
+            (true, false) => low..high,
+        }
+    };
+    let x = range(&mut points().map(|p| p.0), plot.log[0]);
+    let y = range(&mut points().map(|p| p.1), plot.log[1]);
+    draw("line plot", (640, 420), |area| match plot.log {
+        [false, false] => lines(area, plot, x, y),
+        [true, false] => lines(area, plot, x.log_scale(), y),
+        [false, true] => lines(area, plot, x, y.log_scale()),
+        [true, true] => lines(area, plot, x.log_scale(), y.log_scale()),
+    })
+}
+
+fn lines<X, Y>(area: &Area, plot: &LinePlot, x: X, y: Y) -> Drawn
+where
+    X: AsRangedCoord<Value = f64>,
+    Y: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64>,
+    Y::CoordDescType: ValueFormatter<f64>,
+{
+    let mut chart = ChartBuilder::on(area)
+        .caption(&plot.title, (FONT, 15))
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .bold_line_style(RGBColor(230, 230, 230))
+        .x_desc(&plot.axes[0])
+        .y_desc(&plot.axes[1])
+        .draw()?;
+    for (curve, ink) in plot.curves.iter().zip(INKS.into_iter().cycle()) {
+        let points = plot.drawable(curve);
+        chart
+            .draw_series(LineSeries::new(points.iter().copied(), ink.stroke_width(2)))?
+            .label(&curve.name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], ink.stroke_width(2)));
+        chart.draw_series(points.into_iter().map(|p| Circle::new(p, 2, ink.filled())))?;
+    }
+    chart
+        .configure_series_labels()
+        .background_style(WHITE.mix(0.8))
+        .border_style(GRID)
+        .label_font((FONT, 12))
+        .draw()?;
+    Ok(())
 }

@@ -12,7 +12,9 @@ use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {
     vec![
-        data_trial("impulses_of_50_times_the_variance_cost_no_satellite", |d| impulses(d, "gmm50_")),
+        data_trial("impulses_of_50_times_the_variance_cost_no_satellite", |d| {
+            impulses(d, "gmm50_")
+        }),
         data_trial("impulses_of_1000_times_the_variance_cost_no_satellite", |d| {
             impulses(d, "gmm1000_")
         }),
@@ -41,13 +43,17 @@ fn impulses(data: &Path, kind: &str) -> Result<(), Failed> {
     let short = run(&[&arguments(&name, "acquire")[..], &["--duration", "0.02"]].concat())?;
     let long = |name| run(&[&arguments(name, "acquire")[..], &["--seconds", "1"]].concat());
     let (impulsive, clean) = (long(&name)?, long(&clean)?);
-    let losses = SATELLITES
-        .map(|sv| clean.acquired(sv, "cn0_dbhz") - impulsive.acquired(sv, "cn0_dbhz"));
+    let losses =
+        SATELLITES.map(|sv| clean.acquired(sv, "cn0_dbhz") - impulsive.acquired(sv, "cn0_dbhz"));
     let nav = file(data, "nav/brdc0010.22n");
     let options = ["--nav", &nav, "--time", "2190:525633", "--troposphere", "none"];
     let fix = run(&[&arguments(&name, "process")[..], &options].concat())?;
-    let error_m = fix.rows("fixes").first().map_or(f64::NAN, |f| (vector(&f["ecef_m"]) - TOKYO).norm());
-    println!("losses {losses:.2?} dB, mean {:.2} dB; fix {error_m:.2} m", losses.iter().sum::<f64>() / 10.0);
+    let error_m =
+        fix.rows("fixes").first().map_or(f64::NAN, |f| (vector(&f["ecef_m"]) - TOKYO).norm());
+    println!(
+        "losses {losses:.2?} dB, mean {:.2} dB; fix {error_m:.2} m",
+        losses.iter().sum::<f64>() / 10.0
+    );
     println!("{}", fix.json["noise"]);
     let kept = losses.iter().all(|l| *l <= 1.0) && clean.json["noise"].is_null();
     if short.satellites() == SATELLITES && kept && error_m <= 15.0 {
@@ -107,5 +113,9 @@ fn cold_start() -> Result<(), Failed> {
         && loss_db <= 0.8
         && clean.noise.is_none()
         && outcome.noise.is_some();
-    if right { Ok(()) } else { Err(format!("{} fixes, {greatest} m, {loss_db} dB", errors.len()).into()) }
+    if right {
+        Ok(())
+    } else {
+        Err(format!("{} fixes, {greatest} m, {loss_db} dB", errors.len()).into())
+    }
 }
