@@ -7,6 +7,8 @@ mod code_period_svd;
 mod common;
 #[path = "array/jammer.rs"]
 mod jammer;
+#[path = "array/jane.rs"]
+mod jane;
 #[path = "array/routes.rs"]
 mod routes;
 #[path = "array/sky.rs"]
@@ -21,6 +23,7 @@ fn main() {
         solvers::trials(),
         code_period_svd::trials(),
         jammer::trials(),
+        jane::trials(),
         routes::trials(),
         capture::trials(),
     ];

@@ -285,3 +285,66 @@ pub fn bearing_sigma(manifold: &Manifold, point: Point, covariance: [[f64; 2]; 2
         sum.max(0.0).sqrt()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gnss::antenna::AntennaArray;
+    use num_complex::Complex64;
+
+    #[test]
+    fn what_cannot_be_decided_is_said() {
+        let manifold = |count| Manifold::new(AntennaArray::half_wavelength(count));
+        let none = Jane::new(&manifold(1), JaneOptions::default()).err();
+        assert_eq!(none, Some(JaneError::NoDirections));
+        for false_alarm in [0.0, 1.0, f64::NAN] {
+            let options = JaneOptions { false_alarm, ..JaneOptions::default() };
+            assert!(matches!(Jane::new(&manifold(4), options), Err(JaneError::FalseAlarm(_))));
+        }
+        let jane = Jane::new(&manifold(4), JaneOptions::default()).unwrap();
+        let wrong = JaneError::Shape { rows: 3, columns: 5, elements: 4 };
+        assert_eq!(jane.decide(&CMat::zeros(3, 5), &[]), Err(wrong));
+        assert!(matches!(jane.decide(&CMat::zeros(4, 0), &[]), Err(JaneError::Shape { .. })));
+        assert_eq!(jane.decide(&CMat::zeros(4, 5), &[]), Err(JaneError::NoPower));
+        let absurd =
+            CMat::from_fn(4, 4, |m, _| Complex64::from(if m == 2 { f64::NAN } else { 1.0 }));
+        assert_eq!(jane.decide(&absurd, &[]), Err(JaneError::NoPower));
+        assert_eq!(jane.decide_covariance(&absurd, 10.0, None, &[]), Err(JaneError::NoPower));
+        let narrow = jane.decide_covariance(&CMat::identity(4, 3), 10.0, None, &[]);
+        assert!(matches!(narrow, Err(JaneError::Shape { .. })));
+    }
+
+    #[test]
+    fn data_without_noise_does_no_harm() {
+        let manifold = Manifold::new(AntennaArray::half_wavelength(8));
+        let jane = Jane::new(&manifold, JaneOptions::default()).unwrap();
+        let a = manifold.response([0.3, 0.0]);
+        let clean = CMat::from_fn(8, 20, |m, n| a[m] * Complex64::cis(n as f64));
+        let found = jane.decide(&clean, &[]).unwrap().sources;
+        assert!((found[0].point[0] - 0.3).abs() < 1e-6, "{found:?}");
+        // As many as one wave looks like to rounding; never as many as elements.
+        assert!(found.len() < 8);
+    }
+
+    #[test]
+    fn deviations_of_angles_follow_from_those_of_the_cosines() {
+        let line = Manifold::new(AntennaArray::half_wavelength(4));
+        // d theta = d s / cos theta.
+        let [angle, none] = bearing_sigma(&line, [0.6, 0.0], [[1e-4, 0.0], [0.0, 0.0]]);
+        assert!((angle - 0.01 / 0.8).abs() < 1e-8 && none == 0.0);
+        let half = crate::gnss::constants::L1_WAVELENGTH / 2.0;
+        let corners = [[0.0, 0.0], [half, 0.0], [0.0, half]];
+        let plane = corners.map(|[x, y]| nalgebra::Vector3::new(x, y, 0.0)).to_vec();
+        let plane = Manifold::new(AntennaArray::new(plane));
+        // East at elevation acos 0.5: the first cosine turns the elevation by 1 / sin el, the second the
+        // azimuth by 1 / cos el.
+        let axis = |k: usize| plane.point(&nalgebra::Vector3::ith_axis(k));
+        let (east, north) = (axis(0), axis(1));
+        let point = [0.5 * east[0], 0.5 * east[1]];
+        let along = |d: Point, s: f64| [0, 1].map(|i| [0, 1].map(|j| s * s * d[i] * d[j]));
+        let [azimuth, elevation] = bearing_sigma(&plane, point, along(east, 0.01));
+        assert!(azimuth < 1e-8 && (elevation - 0.01 / 0.75f64.sqrt()).abs() < 1e-8);
+        let [azimuth, elevation] = bearing_sigma(&plane, point, along(north, 0.01));
+        assert!((azimuth - 0.02).abs() < 1e-8 && elevation < 1e-8);
+    }
+}

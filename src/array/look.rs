@@ -90,6 +90,7 @@ pub fn look(
 ) -> Result<SkyPicture, LookError> {
     let samples = channels.first().map_or(0, |c| c.len());
     let nulled = interference.map_or(0, Interference::count);
+    let jammers = interference.map_or(Vec::new(), |i| jammers(i, manifold));
     let r = equalised(covariance(channels), interference);
     let manifold = &interference.map_or(manifold.clone(), |i| manifold.clone().beside(&i.subspace));
     let compressed =
@@ -98,7 +99,7 @@ pub fn look(
     let mut picture = SkyPicture {
         elements: channels.len(),
         samples,
-        jammers: interference.map_or(Vec::new(), |i| jammers(i, manifold)),
+        jammers,
         rank: compressed.division.rank,
         ..SkyPicture::default()
     };

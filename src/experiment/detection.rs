@@ -2,6 +2,7 @@
 //! of outliers, elements and snapshots, beside the Cramer-Rao bound, and its false alarms on noise alone.
 
 use super::Scene;
+use super::claim::Claim;
 use crate::array::jane::bearing_sigma;
 use crate::array::{
     Bearing, CMat, Jane, JaneError, JaneOptions, Manifold, Point, SparseOptions, cramer_rao,
@@ -10,41 +11,27 @@ use crate::array::{
 use crate::front_end::Map;
 use crate::front_end::mixture::Mixture;
 use crate::gnss::antenna::AntennaArray;
+use crate::report::{Curve, LinePlot};
 use rayon::prelude::*;
 
 /// The paper's sources beside the degrees of its grid, deg.
 const OFF_GRID: [f64; 4] = [27.71, 30.37, 39.55, 52.24];
 
-/// A curve, or several over the same abscissa.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Table {
-    /// Name in small letters, fit for a file.
-    pub name: &'static str,
-    /// What was varied, and held.
-    pub title: &'static str,
-    /// Heads of the columns with units; the first is the abscissa.
-    pub columns: Vec<&'static str>,
-    /// Numbers; not a number where nothing was found to measure.
-    pub rows: Vec<Vec<f64>>,
+/// Outcomes over an abscissa.
+struct Table {
+    name: &'static str,
+    title: &'static str,
+    abscissa: &'static str,
+    /// Abscissa, outcome, and the share of the right number by the row rule where it was asked.
+    rows: Vec<(f64, Outcome, Option<f64>)>,
 }
 
-/// A statement on the figures, and whether they bear it out.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
-    /// The statement, with its limit.
-    pub text: &'static str,
-    /// The worst figure it speaks of.
-    pub measured: f64,
-    /// Whether it holds.
-    pub holds: bool,
-}
-
-/// All curves, and what they show.
-#[derive(Clone, Debug, PartialEq)]
+/// The curves, and what they show.
+#[derive(Clone, Debug)]
 pub struct Detection {
-    /// The curves.
-    pub tables: Vec<Table>,
-    /// The claims.
+    /// Of each thing varied: the share of the right number, and the angles' error.
+    pub plots: Vec<LinePlot>,
+    /// The claims, with their limits in place of a paper's figure.
     pub claims: Vec<Claim>,
 }
 
@@ -165,9 +152,6 @@ pub fn false_alarms(runs: usize, seed: u64) -> Result<f64, JaneError> {
     Ok(alarms.collect::<Result<Vec<f64>, _>>()?.iter().sum::<f64>() / runs as f64)
 }
 
-const COLUMNS: [&str; 4] =
-    ["share of the right number", "error (deg)", "own deviation (deg)", "Cramer-Rao bound (deg)"];
-
 /// A table of JANE's outcomes over scenes.
 fn table(
     name: &'static str,
@@ -176,12 +160,49 @@ fn table(
     scenes: impl IntoIterator<Item = (f64, Scene)>,
     options: &DetectionOptions,
 ) -> Result<Table, JaneError> {
-    let row = |(x, scene): (f64, Scene)| {
-        let o = outcome(&scene, options.trials, options.seed)?;
-        Ok(vec![x, o.right, o.error_deg, o.sigma_deg, o.bound_deg])
-    };
+    let row =
+        |(x, scene): (f64, Scene)| Ok((x, outcome(&scene, options.trials, options.seed)?, None));
     let rows = scenes.into_iter().map(row).collect::<Result<_, _>>()?;
-    Ok(Table { name, title, columns: [&[abscissa], &COLUMNS[..]].concat(), rows })
+    Ok(Table { name, title, abscissa, rows })
+}
+
+impl Table {
+    fn curve(&self, name: &str, of: impl Fn(&(f64, Outcome, Option<f64>)) -> Option<f64>) -> Curve {
+        let points = self.rows.iter().filter_map(|row| Some((row.0, of(row)?)));
+        Curve { name: name.into(), points: points.collect() }
+    }
+
+    fn plots(&self) -> [LinePlot; 2] {
+        let right = self.curve("JANE", |row| Some(row.1.right));
+        let rows = self.curve("row rule on the l1,1 estimate", |row| row.2);
+        let errors = [
+            self.curve("error", |row| Some(row.1.error_deg)),
+            self.curve("deviation as stated", |row| Some(row.1.sigma_deg)),
+            self.curve("Cramer-Rao bound", |row| Some(row.1.bound_deg)),
+        ];
+        let plot = |kind: &str, ordinate: &str, log: bool, curves: Vec<Curve>| LinePlot {
+            name: format!("{kind}-{}", self.name),
+            title: self.title.into(),
+            axes: [self.abscissa.into(), ordinate.into()],
+            log: [false, log],
+            curves: curves.into_iter().filter(|c| !c.points.is_empty()).collect(),
+        };
+        [
+            plot("detection", "share of the right number", false, vec![right, rows]),
+            plot("error", "angle error, rms (deg)", true, errors.to_vec()),
+        ]
+    }
+
+    /// The least share of the right number from an abscissa up.
+    fn least_right(&self, from: f64) -> f64 {
+        self.rows.iter().filter(|r| r.0 >= from).map(|r| r.1.right).fold(1.0, f64::min)
+    }
+
+    /// The greatest error over its bound from an abscissa up.
+    fn most_bounds(&self, from: f64) -> f64 {
+        let rows = self.rows.iter().filter(|r| r.0 >= from);
+        rows.map(|r| r.1.error_deg / r.1.bound_deg).fold(0.0, f64::max)
+    }
 }
 
 /// All curves and claims. Some minutes of work with the default options.
@@ -211,10 +232,9 @@ pub fn detection(options: &DetectionOptions) -> Result<Detection, JaneError> {
         SNRS.map(|snr| (snr, paper().with_snr(snr))),
         options,
     )?;
-    on.columns.push("row rule: share of the right number");
-    for row in &mut on.rows {
-        let scene = paper().with_snr(row[0]);
-        row.push(row_rule_share(&scene, options.trials.min(30), options.seed));
+    for (snr, _, share) in &mut on.rows {
+        *share =
+            Some(row_rule_share(&paper().with_snr(*snr), options.trials.min(30), options.seed));
     }
     let off = table(
         "snr-off-grid",
@@ -251,68 +271,38 @@ pub fn detection(options: &DetectionOptions) -> Result<Detection, JaneError> {
     let eight = outcome(&eight.with_snr(-10.0), options.trials, options.seed)?;
     let alarms = false_alarms(options.noise_runs, options.seed)?;
 
-    let above = |least: f64| {
-        let rows = on.rows.iter().chain(&off.rows);
-        rows.filter(move |row| row[0] >= least).collect::<Vec<_>>()
-    };
-    let least_right = |rows: &[&Vec<f64>]| rows.iter().map(|r| r[1]).fold(1.0, f64::min);
-    let most_bounds = |rows: &[&Vec<f64>]| rows.iter().map(|r| r[2] / r[4]).fold(0.0, f64::max);
-    let all = |table: &Table| most_bounds(&table.rows.iter().collect::<Vec<_>>());
-    let at_least = |text, measured, limit| Claim { text, measured, holds: measured >= limit };
-    let at_most = |text, measured, limit| Claim { text, measured, holds: measured <= limit };
-    let row_rule_at =
-        |snr: f64| on.rows.iter().find(|row| row[0] == snr).map_or(f64::NAN, |row| row[5]);
+    let right = on.least_right(-25.0).min(off.least_right(-25.0));
+    let bounds = |from: f64| on.most_bounds(from).max(off.most_bounds(from));
+    let row_rule =
+        |snr: f64| on.rows.iter().find(|r| r.0 == snr).and_then(|r| r.2).unwrap_or(f64::NAN);
     let claims = vec![
-        at_least(
-            "four sources found in 0.95 of the trials down to -25 dB",
-            least_right(&above(-25.0)),
-            0.95,
-        ),
+        at_least("four sources found down to -25 dB: share of the trials", right, 0.95),
+        at_most("angle error over its Cramer-Rao bound, from -20 dB up", bounds(-20.0), 1.5),
+        at_most("the same from -5 dB up", bounds(-5.0), 1.15),
+        at_most("share in which the row rule finds four at -15 dB", row_rule(-15.0), 0.0),
+        at_least("the same at 0 dB", row_rule(0.0), 0.95),
         at_most(
-            "angle error at most 1.5 Cramer-Rao bounds from -20 dB up",
-            most_bounds(&above(-20.0)),
+            "error over its bound with up to 30 % outliers, 0 dB",
+            shares.most_bounds(0.0),
             1.5,
         ),
-        at_most(
-            "angle error at most 1.15 Cramer-Rao bounds from -5 dB up",
-            most_bounds(&above(-5.0)),
-            1.15,
-        ),
-        at_most(
-            "the row rule finds four sources in none of the trials at -15 dB",
-            row_rule_at(-15.0),
-            0.0,
-        ),
-        at_least(
-            "the row rule finds four sources in 0.95 of the trials at 0 dB",
-            row_rule_at(0.0),
-            0.95,
-        ),
-        at_most(
-            "up to 30 % outliers: angle error at most 1.5 Cramer-Rao bounds at 0 dB",
-            all(&shares),
-            1.5,
-        ),
-        at_least(
-            "four snapshots are enough at 0 dB: share of the right number at least 0.95",
-            few.right,
-            0.95,
-        ),
-        at_most(
-            "16 elements at 20 dB: error of the four angles at most 0.016 deg",
-            sixteen.error_deg,
-            0.016,
-        ),
-        at_least(
-            "8 elements at -10 dB: three sources found in 0.95 of the trials",
-            eight.right,
-            0.95,
-        ),
-        at_most(
-            "noise alone: a source in at most 0.002 of the runs, 0.001 asked for",
-            alarms,
-            2e-3,
-        ),
+        at_least("four snapshots at 0 dB: share of the right number", few.right, 0.95),
+        at_most("16 elements at 20 dB: error of the four angles, deg", sixteen.error_deg, 0.016),
+        at_least("8 elements at -10 dB: share in which three are found", eight.right, 0.95),
+        at_most("noise alone: share of runs with a source (0.001 asked for)", alarms, 2e-3),
     ];
-    Ok(Detection { tables: vec![on, off, shares, elements, snapshots], claims })
+    let plots = [on, off, shares, elements, snapshots].iter().flat_map(Table::plots).collect();
+    Ok(Detection { plots, claims })
+}
+
+fn at_least(text: &str, measured: f64, limit: f64) -> Claim {
+    claim(text, format!("at least {limit}"), measured, measured >= limit)
+}
+
+fn at_most(text: &str, measured: f64, limit: f64) -> Claim {
+    claim(text, format!("at most {limit}"), measured, measured <= limit)
+}
+
+fn claim(text: &str, limit: String, measured: f64, holds: bool) -> Claim {
+    Claim { place: "JANE", claim: text.into(), paper: limit, ours: format!("{measured:.4}"), holds }
 }

@@ -40,13 +40,15 @@ pub(super) struct Region<'a> {
 }
 
 /// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
-/// removed the channels share some noise, and beams of independent noise take their place.
+/// removed the channels share some noise, and beams of independent noise take their place. Satellites `known`
+/// beforehand are given back with the others; what is only their shadow is not.
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
     options: &SearchOptions,
     most: usize,
     interference: Option<&Interference>,
+    known: &[Acquisition],
 ) -> Result<Vec<Acquisition>, AcquisitionError> {
     let count = block.channels().min(SEARCHED_CHANNELS).min(most).max(1);
     let spread = |k: usize| k * block.channels() / count;
@@ -67,6 +69,7 @@ pub(super) fn search(
     let count = channels.len();
     let plan = SearchPlan::new(rate_hz, options.clone())?;
     let mut found = plan.search_channels(&channels)?;
+    found.extend(known);
     let looks = count * plan.windows(block.len());
     remove_shadows(&mut found, options.coherent_ms, looks);
     Ok(found)

@@ -38,11 +38,10 @@ pub(super) fn acquire_head(
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();
     let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
-        let mut cells = known.clone();
-        if !asked.satellites.is_empty() {
-            cells.extend(search(&head.block, rate_hz, asked, searched, interference)?);
+        if asked.satellites.is_empty() {
+            return Ok(known.clone());
         }
-        Ok(cells)
+        search(&head.block, rate_hz, asked, searched, interference, &known)
     };
     let mut cells = search_rest(&asked)?;
     let deep = asked.max_windows.max(deep_windows(searched));

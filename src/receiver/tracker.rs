@@ -297,7 +297,7 @@ impl Tracker<'_> {
         if whole_ms < options.coherent_ms {
             Ok(Vec::new())
         } else {
-            search(chunk, self.rate_hz, options, self.searched, self.interference.as_ref())
+            search(chunk, self.rate_hz, options, self.searched, self.interference.as_ref(), &[])
         }
     }
 
