@@ -18,7 +18,7 @@ use crate::front_end::mixture::{Mixture, PowerHistogram};
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-use sdr_rx_linalg::{adjoint_product, product, real_product};
+use sdr_rx_linalg::{adjoint_product, product, real_product, subtracted_from};
 
 /// Sources, their signals and the law of the noise, on the way to the likeliest.
 pub(super) struct RobustFit<'a> {
@@ -196,7 +196,8 @@ impl<'a> RobustFit<'a> {
             }
             let points = self.moved(&step);
             let signals = self.corrected(&normal, &step);
-            let residual = self.data - product(&dictionary(self.manifold, &points), &signals);
+            let model = product(&dictionary(self.manifold, &points), &signals);
+            let residual = subtracted_from(self.data, model);
             if halvings == 5 || self.weighted_power(&residual) <= before {
                 (self.points, self.signals, self.residual) = (points, signals, residual);
                 break;
@@ -353,16 +354,19 @@ impl<'a> RobustFit<'a> {
             }
         }
         let inverse = normal.hessian.clone().try_inverse();
-        let covariance = |q: usize, i: usize, j: usize| match &inverse {
-            _ if i.max(j) >= dimensions => 0.0,
-            Some(h) => h[(q * dimensions + i, q * dimensions + j)] / (2.0 * gain),
-            None if i == j => f64::INFINITY,
-            None => 0.0,
-        };
-        let tested = (0..sources).map(|q| Tested {
-            statistic: statistics[q],
-            power: (self.signals.row(q).squared_norm_l2() / snapshots as f64 - noise[q]).max(0.0),
-            covariance: [0, 1].map(|i| [0, 1].map(|j| covariance(q, i, j))),
+        let tested = (0..sources).map(|q| {
+            let seen = self.signals.row(q).squared_norm_l2() / snapshots as f64;
+            let power = (seen - noise[q]).max(0.0);
+            // The Hessian took the noise in the signals for signal (Stoica and Nehorai 1990, as in jane_cov).
+            let doubt = (seen / power.max(0.05 * seen)).powi(2);
+            let covariance = |i: usize, j: usize| match &inverse {
+                _ if i.max(j) >= dimensions => 0.0,
+                Some(h) => doubt * h[(q * dimensions + i, q * dimensions + j)] / (2.0 * gain),
+                None if i == j => f64::INFINITY,
+                None => 0.0,
+            };
+            let covariance = [0, 1].map(|i| [0, 1].map(|j| covariance(i, j)));
+            Tested { statistic: statistics[q], power, covariance }
         });
         tested.collect()
     }

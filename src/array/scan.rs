@@ -14,7 +14,7 @@
 
 use super::{CMat, Manifold, Point};
 use num_complex::Complex64;
-use sdr_rx_linalg::{adjoint_product, orthonormal_basis, product};
+use sdr_rx_linalg::{adjoint_product, column_powers, orthonormal_basis, product, subtracted_from};
 use std::f64::consts::PI;
 
 /// A beam with less than this share of its power outside of the sources found is not looked at: a start so
@@ -96,16 +96,16 @@ impl Scan {
         let basis = (known.ncols() > 0).then(|| orthonormal_basis(known));
         // A column per beam.
         let mut seen = adjoint_product(data, &self.responses);
-        let mut new = powers(&self.responses);
+        let mut new = column_powers(&self.responses);
         if let Some(basis) = &basis {
             let inside = adjoint_product(basis, &self.responses);
-            seen -= product(&adjoint_product(data, basis), &inside);
-            for (new, inside) in new.iter_mut().zip(powers(&inside)) {
+            seen = subtracted_from(&seen, product(&adjoint_product(data, basis), &inside));
+            for (new, inside) in new.iter_mut().zip(column_powers(&inside)) {
                 let left = *new - inside;
                 *new = if left > LEAST_NEW * *new { left } else { f64::INFINITY };
             }
         }
-        let seen = powers(&seen);
+        let seen = column_powers(&seen);
         let scores = seen.iter().zip(&new).map(|(seen, new)| seen / new);
         let (best, score) = scores.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
         (score > 0.0).then(|| self.climb(self.points[best], score, data, basis.as_ref()))
@@ -137,22 +137,17 @@ impl Scan {
         }
         let response = self.manifold.response(point);
         let mut a = CMat::from_fn(response.len(), 1, |m, _| response[m]);
-        let whole = a.squared_norm_l2();
+        let whole = column_powers(&a)[0];
         if let Some(basis) = basis {
-            a -= product(basis, &adjoint_product(basis, &a));
+            a = subtracted_from(&a, product(basis, &adjoint_product(basis, &a)));
         }
-        let new = a.squared_norm_l2();
+        let new = column_powers(&a)[0];
         if new > LEAST_NEW * whole {
-            adjoint_product(&a, data).squared_norm_l2() / new
+            column_powers(&adjoint_product(data, &a))[0] / new
         } else {
             0.0
         }
     }
-}
-
-/// Of each column the sum of its squared moduli.
-fn powers(a: &CMat) -> Vec<f64> {
-    a.col_iter().map(|column| column.squared_norm_l2()).collect()
 }
 
 /// Lambda of the module's text, at the middle of the manifold.

@@ -1,6 +1,7 @@
 //! The block: what flows from the antenna to the correlators.
 
 use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 
 /// Samples that are interleaved at a time, so that those of many channels stay in the cache.
 const TILE: usize = 256;
@@ -113,6 +114,12 @@ impl Block {
                 }
             }
         }
+    }
+
+    /// The samples of all channels, one slice each, in parallel.
+    pub fn par_channels_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Complex32]> {
+        let len = self.len().max(1);
+        self.samples.par_chunks_exact_mut(len)
     }
 
     /// The samples of all channels, one slice each.

@@ -2,6 +2,8 @@
 
 pub mod claim;
 pub mod lda_l11;
+pub mod front_end;
+pub mod detection;
 pub mod scene;
 
 pub use crate::array::random::SplitMix64;

@@ -9,12 +9,14 @@ use super::mixture::{BINS, Mixture, PowerHistogram, bin, middle};
 use crate::capture::{Block, StreamInfo};
 use multiversion::multiversion;
 use num_complex::Complex32;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples that a first look takes from a block.
+/// Samples that a first look takes from a block, in so many places.
 const LOOK: usize = 1024;
+const PLACES: usize = 16;
 /// Powers (bins of a sixteenth of an octave) that the look must show, or the converter is coarse: one and two
 /// bits a rail show at most 3, three bits 9, and four bits of real samples 8.
 const LEAST_POWERS: usize = 16;
@@ -128,7 +130,6 @@ pub struct ImpulseSuppressor {
     suppression: Suppression,
     real: bool,
     channels: Vec<Channel>,
-    powers: PowerHistogram,
 }
 
 #[derive(Clone, Debug)]
@@ -139,6 +140,7 @@ struct Channel {
     law: Option<Mixture>,
     /// Weight by bin of scaled power.
     weights: Box<[f32; BINS]>,
+    powers: PowerHistogram,
     sums: Sums,
 }
 
@@ -158,22 +160,21 @@ impl ImpulseSuppressor {
             scale: 1.0,
             law: None,
             weights: Box::new([1.0; BINS]),
+            powers: PowerHistogram::default(),
             sums: Sums::default(),
         };
-        Self {
-            suppression,
-            real: info.real,
-            channels: vec![channel; info.channels],
-            powers: PowerHistogram::default(),
-        }
+        Self { suppression, real: info.real, channels: vec![channel; info.channels] }
     }
 
     /// Estimates the noise of each channel of a block, and maps its samples. Channels beyond the stream's stay
     /// as they are.
     pub fn process(&mut self, block: &mut Block) {
-        for (channel, samples) in block.channels_mut().enumerate().take(self.channels.len()) {
-            self.estimate(channel, samples);
-            self.apply(channel, samples);
+        let Self { suppression, real, channels } = self;
+        if let Some(map) = suppression.map() {
+            block.par_channels_mut().zip(channels).for_each(|(samples, channel)| {
+                channel.estimate(map, *suppression != Suppression::Auto, *real, samples);
+                channel.apply(samples);
+            });
         }
     }
 
@@ -185,18 +186,7 @@ impl ImpulseSuppressor {
     pub fn estimate(&mut self, channel: usize, samples: &[Complex32]) -> Option<Mixture> {
         let map = self.suppression.map()?;
         let state = &mut self.channels[channel];
-        let judged = Estimator {
-            real: self.real,
-            forced: self.suppression != Suppression::Auto,
-            powers: &mut self.powers,
-        }
-        .estimate(samples);
-        if let Some(Estimate { scale, law }) = judged {
-            (state.scale, state.law) = (scale, law);
-            if let Some(law) = &law {
-                tabulate(map, law, &mut state.weights);
-            }
-        }
+        state.estimate(map, self.suppression != Suppression::Auto, self.real, samples);
         state.law.map(|law| law.scaled(f64::from(state.scale).powi(-2)))
     }
 
@@ -205,15 +195,7 @@ impl ImpulseSuppressor {
     /// # Panics
     /// When there is no such channel.
     pub fn apply(&mut self, channel: usize, samples: &mut [Complex32]) {
-        let Channel { scale, law, weights, sums } = &mut self.channels[channel];
-        let n = samples.len() as f64;
-        sums.seen += n;
-        if let Some(law) = law {
-            sums.treated += n;
-            sums.share += n * law.share;
-            sums.log_ratio += n * (law.impulse / law.background).ln();
-            multiply(samples, *scale, weights);
-        }
+        self.channels[channel].apply(samples);
     }
 
     /// The weights that [`Self::apply`] would multiply samples by: all 1 where no map is in force.
@@ -256,50 +238,56 @@ impl ImpulseSuppressor {
     }
 }
 
-/// What a block says: the scale, and the law of the noise where it is to be mapped.
-struct Estimate {
-    scale: f32,
-    law: Option<Mixture>,
-}
-
-struct Estimator<'a> {
-    real: bool,
-    /// A law is wanted whatever the noise.
-    forced: bool,
-    powers: &'a mut PowerHistogram,
-}
-
-impl Estimator<'_> {
-    /// `None` where the samples are too few to say anything.
-    fn estimate(&mut self, samples: &[Complex32]) -> Option<Estimate> {
-        let looked = || samples.iter().step_by(samples.len().div_ceil(LOOK).max(1));
-        let scale = scale(looked().copied()).or_else(|| scale(samples.iter().copied()))?;
+impl Channel {
+    /// `forced`: a law is wanted whatever the noise.
+    fn estimate(&mut self, map: Map, forced: bool, real: bool, samples: &[Complex32]) {
+        let places = || samples.chunks(samples.len().div_ceil(PLACES).max(1));
+        let looked = || places().flat_map(|place| place.iter().take(LOOK / PLACES));
+        let scale = scale(looked()).or_else(|| scale(samples.iter()));
+        let Some(scale) = scale else { return };
         self.powers.clear();
         looked().for_each(|z| self.powers.add((z * scale).norm_sqr()));
-        if !self.forced && samples.len() >= LOOK && self.powers.distinct() < LEAST_POWERS {
-            return Some(Estimate { scale, law: None });
+        if !forced && samples.len() >= LOOK && self.powers.distinct() < LEAST_POWERS {
+            self.law = None;
+            return;
         }
         self.powers.clear();
         self.powers.add_samples(samples, scale);
-        (self.powers.total() >= LEAST_SAMPLES).then(|| Estimate { scale, law: self.law() })
-    }
-
-    /// The law of the powers counted, where it is to be mapped.
-    fn law(&self) -> Option<Mixture> {
-        let excessive = self.powers.excess(self.real) > LEAST_EXCESS;
-        if excessive || self.forced {
-            let law = Mixture::fit(self.powers, self.real)?;
-            let gain_db = Map::Linear.loss_db(&law) - Map::Optimal.loss_db(&law);
-            if excessive && gain_db > LEAST_GAIN_DB {
-                return Some(law);
+        if self.powers.total() >= LEAST_SAMPLES {
+            self.scale = scale;
+            self.law = law(&self.powers, forced, real);
+            if let Some(law) = &self.law {
+                tabulate(map, law, &mut self.weights);
             }
         }
-        self.forced.then(|| Mixture::gaussian(self.powers.mean(), self.real))
+    }
+
+    fn apply(&mut self, samples: &mut [Complex32]) {
+        let n = samples.len() as f64;
+        self.sums.seen += n;
+        if let Some(law) = &self.law {
+            self.sums.treated += n;
+            self.sums.share += n * law.share;
+            self.sums.log_ratio += n * (law.impulse / law.background).ln();
+            multiply(samples, self.scale, &self.weights);
+        }
     }
 }
 
+/// The law of the powers counted, where it is to be mapped.
+fn law(powers: &PowerHistogram, forced: bool, real: bool) -> Option<Mixture> {
+    if powers.excess(real) > LEAST_EXCESS {
+        let law = Mixture::fit(powers, real)?;
+        let gain_db = Map::Linear.loss_db(&law) - Map::Optimal.loss_db(&law);
+        if gain_db > LEAST_GAIN_DB {
+            return Some(law);
+        }
+    }
+    forced.then(|| Mixture::gaussian(powers.mean(), real))
+}
+
 /// The power of two that brings the greatest number of some samples to 1 to 2; `None` of zeros.
-fn scale(samples: impl Iterator<Item = Complex32>) -> Option<f32> {
+fn scale<'a>(samples: impl Iterator<Item = &'a Complex32>) -> Option<f32> {
     let finite = samples.flat_map(|z| [z.re.abs(), z.im.abs()]).filter(|x| x.is_finite());
     let peak = finite.fold(0f32, f32::max);
     (peak > 0.0).then(|| 2f32.powi(-(f64::from(peak).log2().floor().clamp(-126.0, 126.0) as i32)))

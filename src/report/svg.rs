@@ -2,6 +2,7 @@
 
 use super::{LinePlot, ReportError, SkyEntry, Summary};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use crate::array::{ArraySky, Bearing};
 use plotters::prelude::*;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -26,6 +27,46 @@ fn draw(
         shown.map_err(|e| ReportError::Plot { plot, problem: e.to_string() })?;
     }
     Ok(svg)
+}
+
+/// A row of a [`dot_plot`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dot {
+    /// What it is.
+    pub label: String,
+    /// Where its disc lies, if anywhere.
+    pub disc: Option<f64>,
+    /// Where its ring lies, if anywhere.
+    pub ring: Option<f64>,
+}
+
+/// One row for each label, from the top down: a disc for what was measured, a ring for what was expected.
+pub fn dot_plot(description: &str, dots: &[Dot]) -> Result<String, ReportError> {
+    let values = dots.iter().flat_map(|d| [d.disc, d.ring]).flatten();
+    let (low, high) = values.fold((0f64, 1f64), |(a, b), v| (a.min(v), b.max(v)));
+    let reach = 1.05 * (high - low);
+    let left = low - 0.45 * reach;
+    let rows = dots.len() as f64;
+    draw("dot plot", (640, 60 + 18 * dots.len() as u32), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .build_cartesian_2d(left..low + reach, rows..-0.5)?;
+        chart
+            .configure_mesh()
+            .disable_y_mesh()
+            .light_line_style(WHITE)
+            .x_desc(description)
+            .draw()?;
+        for (k, dot) in dots.iter().enumerate() {
+            let (y, label) = (k as f64, dot.label.clone());
+            chart.draw_series([Text::new(label, (left, y - 0.3), (FONT, 12))])?;
+            let disc = dot.disc.map(|x| Circle::new((x, y), 3, INK.filled()));
+            let ring = dot.ring.map(|x| Circle::new((x, y), 6, INK));
+            chart.draw_series(disc.into_iter().chain(ring))?;
+        }
+        Ok(())
+    })
 }
 
 /// The sky: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
@@ -67,6 +108,55 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
                 (place.0 + 0.04, place.1 + 0.07),
                 (FONT, 12),
             ))?;
+        }
+        Ok(())
+    })
+}
+
+/// Directions as an array sees them, in direction cosines: of a plane east and north at the edge and the zenith
+/// in the middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow where they
+/// should be), crosses the sources found without a code, triangles jammers.
+pub fn arrival_plot(sky: &ArraySky) -> Result<String, ReportError> {
+    let at = |bearing: Bearing| match bearing {
+        Bearing::Cone(angle) => angle.sin_cos(),
+        Bearing::Direction { azimuth, elevation } => {
+            (elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos())
+        }
+    };
+    let ink = |share: f64| {
+        let (r, g, b) = HSLColor(share, 0.8, 0.4).to_backend_color().rgb;
+        RGBColor(r, g, b)
+    };
+    draw("plot of directions", (460, 460), |area| {
+        let chart =
+            ChartBuilder::on(area).margin(10).build_cartesian_2d(-1.15f64..1.15, -1.15f64..1.15)?;
+        let plane = chart.plotting_area();
+        for elevation_deg in [0, 30, 60] {
+            let radius = f64::from(elevation_deg).to_radians().cos();
+            let around = (0..=120).map(|k| TAU * f64::from(k) / 120.0);
+            let ring = around.map(|a| (radius * a.sin(), radius * a.cos())).collect::<Vec<_>>();
+            plane.draw(&PathElement::new(ring, GRID))?;
+        }
+        for satellite in &sky.satellites {
+            if let Some(predicted) = satellite.predicted {
+                plane.draw(&Circle::new(at(predicted.bearing), 8, INK))?;
+            }
+            if let Some(arrival) = satellite.arrival {
+                let place = at(arrival.bearing);
+                let agrees = satellite.predicted.is_none_or(|p| p.agrees);
+                let colour = if agrees { ink(0.33) } else { ink(0.0) };
+                plane.draw(&Circle::new(place, 5, colour.filled()))?;
+                let label = (place.0 + 0.04, place.1 + 0.05);
+                plane.draw(&Text::new(satellite.sv.to_string(), label, (FONT, 12)))?;
+            }
+        }
+        if let Some(picture) = &sky.picture {
+            for source in &picture.sources {
+                plane.draw(&Cross::new(at(source.bearing), 6, INK))?;
+            }
+            for bearing in picture.jammers.iter().filter_map(|j| j.bearing) {
+                plane.draw(&TriangleMarker::new(at(bearing), 8, ink(0.0).filled()))?;
+            }
         }
         Ok(())
     })

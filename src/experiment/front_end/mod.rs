@@ -5,22 +5,21 @@
 //! received as a snapshot, and compared with the truth; losses of C/N0 are those against the ideal front end
 //! with the same seeds, so that most of the noise cancels.
 
+mod cells;
 mod report;
 mod theory;
 
 pub use report::{csv, plot, table};
 
 use crate::acquisition::SearchOptions;
-use crate::capture::SampleSource;
-use crate::front_end::mixture::Mixture;
-use crate::front_end::{Map, Suppression};
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ, SPEED_OF_LIGHT};
 use crate::gnss::{GpsTime, NavigationData};
 use crate::receiver::{self, ReceiverError, ReceiverOptions};
 use crate::scenario::{Scenario, ScenarioError, ScenarioSource, TruthEpoch};
+use cells::{Cell, cells};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use theory::{band_loss_db, noise_figure_loss_db, quantiser_loss_db};
+use theory::code_separation_s;
 
 /// Signal of each run, s: what a refinement uses.
 const SECONDS: f64 = 0.2;
@@ -49,16 +48,6 @@ pub enum FrontEndError {
     },
 }
 
-/// One setting of one property.
-#[derive(Clone, Debug)]
-struct Cell {
-    property: &'static str,
-    setting: String,
-    scenario: Scenario,
-    suppression: Suppression,
-    theory_loss_db: Option<f64>,
-}
-
 /// What one setting did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
@@ -76,11 +65,16 @@ pub struct Row {
     pub loss_db: Option<f64>,
     /// The loss that theory predicts, where it does.
     pub theory_loss_db: Option<f64>,
+    /// The same where the other satellites' codes are part of the noise, as they are in what is measured: the
+    /// front end adds nothing to them.
+    pub expected_loss_db: Option<f64>,
     /// Error of code phases about their mean in a run, m, rms.
     pub code_m: Option<f64>,
     /// Error of Dopplers, Hz, rms.
     pub doppler_hz: Option<f64>,
-    /// Runs, and how many gave a fix.
+    /// Error of directions, in direction cosines, rms; with an array.
+    pub direction: Option<f64>,
+    /// Runs.
     pub runs: usize,
     /// Runs that gave a fix.
     pub fixes: usize,
@@ -101,6 +95,7 @@ struct Measured {
     cn0_dbhz: f64,
     code_m: f64,
     doppler_hz: f64,
+    direction: Option<f64>,
 }
 
 /// Varies each property of the scenario's front end; `runs` seeds each, from the scenario's on.
@@ -113,88 +108,7 @@ pub fn sweep(scenario: &Scenario, runs: usize) -> Result<Vec<Row>, FrontEndError
         .par_iter()
         .map(|cell| (0..runs as u64).into_par_iter().map(|k| cell.run(k)).collect())
         .collect::<Result<_, _>>()?;
-    Ok(cells.into_iter().zip(&all).map(|(cell, runs)| row(cell, runs, &all[0])).collect())
-}
-
-/// The settings, the ideal front end first.
-fn cells(given: &Scenario) -> Vec<Cell> {
-    let mut ideal = given.clone();
-    ideal.duration_s = SECONDS;
-    ideal.noise.impulse_share = 0.0;
-    let end = &mut ideal.front_end;
-    (end.bits, end.rms_steps, end.bandwidth_hz, end.agc_time_constant_s) = (None, None, None, None);
-    (end.if_hz, end.lo_offset_hz, end.real) = (0.0, 0.0, false);
-    (end.iq_gain_db, end.iq_phase_deg, end.dc_offset) = (0.0, 0.0, [0.0; 2]);
-    let rate_hz = end.rate_hz;
-    let mut cells = Vec::new();
-    let mut add = |property, setting: String, theory_loss_db, change: &dyn Fn(&mut Scenario)| {
-        let mut scenario = ideal.clone();
-        change(&mut scenario);
-        let suppression = Suppression::Off;
-        cells.push(Cell { property, setting, scenario, suppression, theory_loss_db });
-    };
-    add("ideal", String::new(), Some(0.0), &|_| ());
-    for bits in [1, 2, 3, 4, 8] {
-        let theory = Some(quantiser_loss_db(bits, None));
-        add("bits", bits.to_string(), theory, &|s| s.front_end.bits = Some(bits));
-    }
-    for rms_steps in [0.5, 0.7, 1.5, 2.0] {
-        let theory = Some(quantiser_loss_db(2, Some(rms_steps)));
-        add("level of 2 bits", format!("{rms_steps} steps"), theory, &|s| {
-            (s.front_end.bits, s.front_end.rms_steps) = (Some(2), Some(rms_steps));
-        });
-    }
-    for share in [0.9, 0.75, 0.6, 0.45] {
-        let hz = share * rate_hz;
-        add("bandwidth", megahertz(hz), Some(band_loss_db(hz, rate_hz)), &|s| {
-            s.front_end.bandwidth_hz = Some(hz);
-        });
-    }
-    for share in [0.05, 0.15, 0.25] {
-        // A carrier off the middle loses what its sidelobes lose beyond the edges: nothing, they fold back.
-        add("IF", megahertz(share * rate_hz), Some(0.0), &|s| s.front_end.if_hz = share * rate_hz);
-    }
-    // Real samples: twice the rate, the same band about a quarter of it. The noise in the band is the same.
-    let band_hz = 0.8 * rate_hz;
-    let theory = Some(band_loss_db(band_hz, 2.0 * rate_hz));
-    add("IF", format!("{} real", megahertz(rate_hz / 2.0)), theory, &|s| {
-        let end = &mut s.front_end;
-        (end.rate_hz, end.if_hz, end.real) = (2.0 * rate_hz, rate_hz / 2.0, true);
-        end.bandwidth_hz = Some(band_hz);
-    });
-    for ppm in [-1.0, 0.5, 3.0, 10.0] {
-        add("oscillator", format!("{ppm:+} ppm"), Some(0.0), &|s| s.receiver.clock_drift_ppm = ppm);
-    }
-    for db in [1.0, 2.0, 4.0, 8.0] {
-        let loss = noise_figure_loss_db(db);
-        add("noise figure", format!("{db} dB"), Some(loss), &|s| s.signal.cn0_dbhz -= loss);
-    }
-    let given = &given.noise;
-    let share = if given.impulse_share > 0.0 { given.impulse_share } else { 0.1 };
-    for ratio in [50.0, 1e3, 1e4] {
-        let law = Mixture { share, background: 1.0, impulse: ratio, real: false };
-        for (suppression, map) in [
-            (Suppression::Off, Map::Linear),
-            (Suppression::Sign, Map::Sign),
-            (Suppression::Clip(1.0), Map::Clip(1.0)),
-            (Suppression::Blank(2.5), Map::Blank(2.5)),
-            (Suppression::Auto, Map::Optimal),
-        ] {
-            let setting = format!("{share} x{ratio:.0} {suppression}");
-            let mut scenario = ideal.clone();
-            scenario.noise.impulse_share = share;
-            scenario.noise.impulse_variance_ratio = ratio;
-            let theory_loss_db = Some(map.loss_db(&law));
-            cells.push(Cell { property: "impulses", setting, scenario, suppression, theory_loss_db });
-        }
-    }
-    let auto = Suppression::Auto;
-    cells.push(Cell { property: "impulses", setting: "none, auto".into(), suppression: auto, ..cells[0].clone() });
-    cells
-}
-
-fn megahertz(hz: f64) -> String {
-    format!("{:.2} MHz", hz / 1e6)
+    Ok(cells.iter().zip(&all).map(|(cell, runs)| row(cell, runs, &cells[0], &all[0])).collect())
 }
 
 impl Cell {
@@ -206,6 +120,7 @@ impl Cell {
         let failed = |source| FrontEndError::Scenario { setting: self.name(), source };
         let mut scenario = self.scenario.clone();
         scenario.seed = scenario.seed.wrapping_add(number);
+        scenario.array = self.elements.map(|e| e.actual(scenario.seed));
         let navigation = scenario.navigation().map_err(failed)?;
         let mut source = ScenarioSource::new(&scenario).map_err(failed)?;
         let options = self.options(navigation, scenario.start);
@@ -220,7 +135,9 @@ impl Cell {
             let code = CA_CODE_LENGTH as f64;
             let chips = found.acquisition.code_phase_chips - truth.code_phase_chips;
             let chips = (chips + code / 2.0).rem_euclid(code) - code / 2.0;
+            let seen = outcome.sky.iter().flat_map(|s| &s.satellites).find(|s| s.sv == truth.sv);
             Some(Measured {
+                direction: seen.and_then(|s| s.predicted).map(|p| p.apart),
                 cn0_dbhz: found.acquisition.cn0_dbhz,
                 code_m: -chips / CA_CHIP_RATE * SPEED_OF_LIGHT,
                 doppler_hz: found.acquisition.doppler_hz - later.doppler_hz,
@@ -235,11 +152,16 @@ impl Cell {
     }
 
     fn options(&self, navigation: NavigationData, time: GpsTime) -> ReceiverOptions {
-        let doppler_hz = SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_HZ;
+        let doppler_hz =
+            SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_HZ;
         let mut options = ReceiverOptions {
-            search: SearchOptions { doppler_hz: (-doppler_hz, doppler_hz), ..SearchOptions::default() },
+            search: SearchOptions {
+                doppler_hz: (-doppler_hz, doppler_hz),
+                ..SearchOptions::default()
+            },
             navigation,
             time: Some(time),
+            array: self.elements.map(|e| e.nominal()),
             suppression: self.suppression,
             ..ReceiverOptions::default()
         };
@@ -253,7 +175,7 @@ fn error_m(position_m: Vector3<f64>, truth: &TruthEpoch) -> f64 {
 }
 
 /// The runs of a cell beside those of the ideal front end.
-fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
+fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> Row {
     let pairs = runs.iter().zip(ideal).flat_map(|(a, b)| a.satellites.iter().zip(&b.satellites));
     let losses = pairs.filter_map(|(a, b)| Some(b.as_ref()?.cn0_dbhz - a.as_ref()?.cn0_dbhz));
     let found = || runs.iter().flat_map(|r| r.satellites.iter().flatten());
@@ -263,6 +185,11 @@ fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
         let common = mean(codes.iter().copied()).unwrap_or(0.0);
         codes.into_iter().map(move |c| c - common)
     });
+    let expected = |loss_db: f64| {
+        let elements = cell.elements.map_or(1.0, |e| e.count() as f64);
+        let noise = 10f64.powf(loss_db / 10.0) + codes_over_noise(first, cell, ideal) / elements;
+        10.0 * (noise / (1.0 + codes_over_noise(first, first, ideal))).log10()
+    };
     let positions = || runs.iter().filter_map(|r| r.position_m);
     Row {
         satellites: runs.iter().map(|r| r.satellites.len()).sum(),
@@ -270,14 +197,25 @@ fn row(cell: Cell, runs: &[Run], ideal: &[Run]) -> Row {
         false_ones: runs.iter().map(|r| r.false_ones).sum(),
         loss_db: mean(losses),
         theory_loss_db: cell.theory_loss_db,
+        expected_loss_db: cell.theory_loss_db.map(expected),
         code_m: rms(codes),
         doppler_hz: rms(found().map(|m| m.doppler_hz)),
+        direction: rms(found().filter_map(|m| m.direction)),
         runs: runs.len(),
         fixes: positions().count(),
         position_m: rms(positions()),
         property: cell.property,
-        setting: cell.setting,
+        setting: cell.setting.clone(),
     }
+}
+
+/// What the codes of the other satellites add to the noise of one, at the level of the `first` cell and the
+/// sampling rate of another.
+fn codes_over_noise(first: &Cell, cell: &Cell, ideal: &[Run]) -> f64 {
+    let runs = ideal.len().max(1) as f64;
+    let satellites: f64 = ideal.iter().map(|r| r.satellites.len() as f64 / runs).sum();
+    let cn0 = 10f64.powf(first.scenario.signal.cn0_dbhz / 10.0);
+    (satellites - 1.0).max(0.0) * cn0 * code_separation_s(cell.scenario.front_end.rate_hz)
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

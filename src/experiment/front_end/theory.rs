@@ -34,7 +34,8 @@ pub fn band_loss_db(bandwidth_hz: f64, rate_hz: f64) -> f64 {
     let (mut whole, mut signal, mut noise) = (0.0, 0.0, 0.0);
     for k in 0..STEPS {
         let f = (k as f64 + 0.5) / STEPS as f64 - 0.5;
-        let tap = |(n, &h): (usize, &f32)| f64::from(h) * (2.0 * PI * f * (n as f64 - middle)).cos();
+        let tap =
+            |(n, &h): (usize, &f32)| f64::from(h) * (2.0 * PI * f * (n as f64 - middle)).cos();
         let gain: f64 = taps.iter().enumerate().map(tap).sum();
         let density = folded_code_density(f * rate_hz, rate_hz);
         whole += density;
@@ -42,6 +43,19 @@ pub fn band_loss_db(bandwidth_hz: f64, rate_hz: f64) -> f64 {
         noise += density * gain * gain;
     }
     -10.0 * (signal * signal / (noise * whole)).log10()
+}
+
+/// Power of another satellite's code after the correlator over that of white noise, per dB-Hz of its C/N0 as a
+/// ratio, s: integral S^2, the spectral separation of the code from itself (2/3 of a chip where nothing folds).
+pub fn code_separation_s(rate_hz: f64) -> f64 {
+    const STEPS: usize = 2048;
+    let step = rate_hz / STEPS as f64;
+    let f = (0..STEPS).map(|k| (k as f64 + 0.5) * step - rate_hz / 2.0);
+    let (sum, squares) = f.fold((0.0, 0.0), |(sum, squares), f| {
+        let density = folded_code_density(f, rate_hz);
+        (sum + density * step, squares + density * density * step)
+    });
+    squares / (sum * sum)
 }
 
 /// Density of a code of random chips after sampling, but for a factor: sinc^2 and its images.
@@ -79,6 +93,7 @@ mod tests {
         // not vertical, and what lies beyond 20 MHz is folded back.
         assert!((band_loss_db(2.046e6, 40e6) + 10.0 * 0.9028f64.log10()).abs() < 0.05);
         assert!(band_loss_db(20e6, 40e6) < 0.1);
+        assert!((code_separation_s(40e6) * 1.023e6 - 2.0 / 3.0).abs() < 0.01);
         assert_eq!(noise_figure_loss_db(0.0), 0.0);
     }
 }
