@@ -33,7 +33,7 @@ const METHODS: [Method; 8] = [
     },
     Method { name: "CVX-l1,1", most: 1, solve: |p, _| cvx_l11(&p.a, &p.y, GAMMA) },
     Method { name: "CVX-l2,1", most: 1, solve: |p, _| cvx_l21(&p.a, &p.y, GAMMA) },
-    Method { name: "EFRS", most: 50, solve: |p, k| efrs(&p.a, &p.y, GAMMA, k) },
+    Method { name: "EFRS", most: 200, solve: |p, k| efrs(&p.a, &p.y, GAMMA, k) },
     Method { name: "LRMA-SVT", most: 100, solve: |p, k| lrma_svt(&p.a, &p.y, 600.0, k) },
     Method { name: "DG-l2,1", most: 2000, solve: |p, k| dg_l21(&p.a, &p.y, GAMMA, 0.1, k) },
     Method { name: "ADMM l1,1", most: 500, solve: |p, k| admm(p, k, GAMMA, Penalty::L11) },
