@@ -11,7 +11,7 @@ use super::{
     Bearing, CMat, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions, dictionary,
     row_noise, row_rule, solve,
 };
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 
 /// Candidates of the dictionary in a beam's width.
 const POINTS_PER_BEAM: usize = 3;
@@ -135,10 +135,20 @@ fn equalised(r: CMat, interference: Option<&Interference>) -> CMat {
     CMat::from_fn(elements, elements, |m, k| r[(m, k)] * (gains[m] * gains[k]))
 }
 
-/// Where the jammers come from.
+/// The components of interference, strongest first, each with the direction whose response it holds most of.
 pub fn jammers(interference: &Interference, manifold: &Manifold) -> Vec<Jammer> {
-    let directions = interference.directions(manifold);
-    let bearing = |k: usize| directions.get(k).map(|(point, _)| manifold.bearing(*point));
-    let powers = interference.powers_db.iter().enumerate();
-    powers.map(|(k, &power_db)| Jammer { bearing: bearing(k), power_db }).collect()
+    let mut directions = interference.directions(manifold);
+    let components = interference.powers_db.iter().zip(interference.subspace.col_iter());
+    let jammer = |(&power_db, component): (&f64, faer::ColRef<'_, Complex64>)| {
+        let held = |point| {
+            let response = manifold.response(point);
+            let along: Complex64 = component.iter().zip(&response).map(|(u, a)| u.conj() * a).sum();
+            along.norm_sqr()
+        };
+        let shares = directions.iter().map(|d| held(d.0)).enumerate();
+        let best = shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0);
+        let bearing = best.map(|k| manifold.bearing(directions.swap_remove(k).0));
+        Jammer { bearing, power_db }
+    };
+    components.map(jammer).collect()
 }

@@ -2,6 +2,7 @@
 
 use crate::common::data_trial;
 use crate::program::{Answer, file, run, vector};
+use assert_cmd::Command;
 use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::coordinates::Geodetic;
 use serde_json::Value;
@@ -12,7 +13,121 @@ pub fn trials() -> Vec<Trial> {
         data_trial("four_elements_find_every_satellite_in_20_ms", four_elements_20_ms),
         data_trial("four_elements_tell_directions_and_the_site_in_100_ms", four_elements_100_ms),
         data_trial("one_antenna_on_two_channels_is_named_and_its_phase_measured", splitter),
+        Trial::test("fifty_elements_see_eight_satellites_and_the_place", || line("ula50", true)),
+        Trial::test("sixteen_elements_see_six_satellites_and_the_place", || line("ula16", true)),
+        Trial::test("eight_elements_see_five_satellites", || line("ula8", false)),
+        Trial::test("four_elements_see_five_satellites_by_their_code_periods", || {
+            line("ula4", false)
+        }),
+        Trial::test("jammers_are_located_and_removed", jammers),
+        Trial::test("a_spoofer_is_named_and_a_sky_is_not", spoofer),
     ]
+}
+
+fn scenario(name: &str) -> String {
+    format!("{}/signals/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A simulated line of elements in impulsive noise, cold: number of signals, angles and satellites are the
+/// simulated ones; with `fix` the place is found from the snapshot and the navigation file beside it.
+fn line(name: &str, fix: bool) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let at = |file: &str| folder.path().join(file).display().to_string();
+    let made = Command::new(env!("CARGO_BIN_EXE_sdr-rx"))
+        .args(["simulate", &scenario(name), "--duration", "0.2", "--out", &at("line.sigmf-meta")])
+        .output()?;
+    if !made.status.success() {
+        return Err(String::from_utf8_lossy(&made.stderr).into_owned().into());
+    }
+    let truth: Value = serde_json::from_slice(&std::fs::read(at("line.truth.json"))?)?;
+    let known = truth["epochs"][0]["satellites"].as_array().ok_or("no truth")?;
+    let (capture, nav) = (at("line.sigmf-meta"), at("line.nav.rnx"));
+    let nav = ["--nav", &nav, "--troposphere", "none"];
+    let rest = if fix { &nav[..] } else { &[] };
+    let answer = run(&[&["process", &capture][..], rest].concat())?;
+
+    let sky = &answer.json["sky"];
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    let elements = number(&sky["elements"]);
+    let name = |s: &Value| s["sv"].as_str().unwrap_or_default().to_owned();
+    let mut names: Vec<String> = known.iter().map(name).collect();
+    names.sort();
+    if answer.satellites() != names {
+        return Err(format!("{:?} instead of {names:?}", answer.satellites()).into());
+    }
+    if number(&sky["signals"]) != known.len() as f64 {
+        return Err(format!("{} signals, not {}", sky["signals"], known.len()).into());
+    }
+    let angle_of = |s: &Value| number(&s["array_angle_deg"]);
+    for satellite in known {
+        let row = sky["satellites"].as_array().and_then(|r| r.iter().find(|r| r["sv"] == satellite["sv"]));
+        let row = row.ok_or("a satellite without a direction")?;
+        let (error, sigma) = (number(&row["angle_deg"]) - angle_of(satellite), number(&row["sigma_deg"]));
+        // Five standard deviations, and what the satellite moves in 0.2 s.
+        if !(error.abs() < 5.0 * sigma + 0.01) {
+            return Err(format!("{}: {error} deg off, sigma {sigma}", row["sv"]).into());
+        }
+    }
+    // Sources without any code: as many as satellites where the elements outnumber them.
+    if let Some(sources) = sky["blind_sources"].as_array() {
+        if sources.len() != known.len() {
+            return Err(format!("{} sources, not {}", sources.len(), known.len()).into());
+        }
+        for source in sources {
+            let (angle, sigma) = (number(&source["angle_deg"]), number(&source["sigma_deg"]));
+            let error = known.iter().map(|s| (angle_of(s) - angle).abs()).fold(f64::INFINITY, f64::min);
+            if !(error < 5.0 * sigma + 0.01) {
+                return Err(format!("a source at {angle} deg, {error} off, sigma {sigma}").into());
+            }
+        }
+    } else if elements > known.len() as f64 {
+        return Err("no directions by the covariance".into());
+    }
+    if fix {
+        let place = vector(&truth["epochs"][0]["position_ecef_m"]);
+        let error = (vector(&answer.json["fixes"][0]["ecef_m"]) - place).norm();
+        println!("position {error:.2} m off");
+        // Thermal noise of 0.2 s on M elements of 45 dB-Hz makes less than 3 m; the geometry three times that.
+        if !(error < 10.0) {
+            return Err(format!("{error} m off: {}", answer.said()).into());
+        }
+    }
+    Ok(())
+}
+
+fn jammers() -> Result<(), Failed> {
+    let answer = run(&["look", &scenario("jammed_ula8")])?;
+    let sky = &answer.json["sky"];
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    let jammers = sky["jammers"].as_array().ok_or("no jammers")?;
+    // Powers over the background of each element; all together see 9 dB more, and impulses raise the noise by
+    // 7.7 dB. Angles of 30 dB and more in 16 ms are exact to 0.1 deg.
+    let expected = [(50.0, -12.0), (30.0, 16.0)];
+    if jammers.len() != 2 {
+        return Err(format!("{jammers:?}").into());
+    }
+    for (jammer, (power, angle)) in jammers.iter().zip(expected) {
+        let (p, a) = (number(&jammer["power_db"]), number(&jammer["angle_deg"]));
+        if (p - power - 1.3).abs() > 1.5 || (a - angle).abs() > 0.3 {
+            return Err(format!("{p} dB from {a} deg").into());
+        }
+    }
+    if answer.satellites() != ["G01", "G02", "G12", "G13", "G26"] || sky["signals"] != 5 {
+        return Err(format!("{:?}, {} signals", answer.satellites(), sky["signals"]).into());
+    }
+    Ok(())
+}
+
+fn spoofer() -> Result<(), Failed> {
+    let spoofed = run(&["look", &scenario("spoofed_ura4")])?;
+    if !spoofed.said().contains("come from one direction") {
+        return Err(format!("not named: {}", spoofed.said()).into());
+    }
+    let sky = run(&["look", &scenario("ura4")])?;
+    if sky.said().contains("suspected") {
+        return Err(sky.said().into());
+    }
+    Ok(())
 }
 
 const ARRAY4: &str = "captures/sim_array4_2MHz_0.5s_cs8";
