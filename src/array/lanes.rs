@@ -138,8 +138,8 @@ impl Packed {
                 }
                 let first_row = number * TILE;
                 for (t, sum) in sums.into_iter().enumerate().take(self.rows - first_row) {
-                    for part in 0..2 {
-                        sum[part].store(&mut out.0[part][first_row + t].0[first_lane..]);
+                    for (part, sum) in out.0.iter_mut().zip(sum) {
+                        sum.store(&mut part[first_row + t].0[first_lane..]);
                     }
                 }
             }

@@ -2,13 +2,14 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::experiment::claim::{claim_csv, claim_table};
-use sdr_rx::experiment::lda_l11::{Effort, run as run_experiment};
+use sdr_rx::experiment::detection::{DetectionOptions, detection};
+use sdr_rx::experiment::lda_l11::{self, Effort};
 use sdr_rx::report::{OutputDir, write_atomically};
 use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Figures 2 to 5 of the paper on JANE (IEEE TVT 72(5), 2023), with a verdict for each claim
+/// Figures 2 to 5 of the paper on JANE (IEEE TVT 72(5), 2023) and curves of detection, with verdicts
 ///
 /// Example: sdr-rx experiment lda-l11 --quick --out lda-l11
 #[derive(clap::Args)]
@@ -17,7 +18,7 @@ pub struct LdaL11 {
     /// Write each figure as CSV and SVG, and the verdicts as CSV, into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// One scene of 16 snapshots in the sweeps instead of four of 64
+    /// One scene of 16 snapshots in the sweeps instead of four of 64, two trials a point of detection
     #[arg(long)]
     quick: bool,
 }
@@ -31,7 +32,11 @@ pub fn run(args: &LdaL11) -> anyhow::Result<ExitCode> {
         ProgressBar::hidden()
     };
     let effort = if args.quick { Effort::QUICK } else { Effort::FULL };
-    let outcome = run_experiment(effort, &|share| bar.set_position((1000.0 * share) as u64))?;
+    let mut outcome = lda_l11::run(effort, &|share| bar.set_position((800.0 * share) as u64))?;
+    let (trials, noise_runs) = if args.quick { (2, 20) } else { (30, 3000) };
+    let jane = detection(&DetectionOptions { trials, noise_runs, seed: 1 })?;
+    outcome.plots.extend(jane.plots);
+    outcome.claims.extend(jane.claims);
     bar.finish_and_clear();
     if let Some(folder) = &args.out {
         OutputDir::create(folder)?;

@@ -210,10 +210,11 @@ fn baselines() -> Result<(), Failed> {
     let far = joint(&dg_l21(&a, &y, 5.0, 0.1, 20)?);
     let near = joint(&dg_l21(&a, &y, 5.0, 0.1, 2000)?);
     ensure(near < far && near < 1.5 * 2246.0, || format!("DG-l2,1: {far}, {near}"))?;
-    // Least squares with a nuclear norm shares the energy of a source among its neighbours on the grid.
-    let x = lrma_svt(&a, &y, 600.0, 100)?;
+    // The noise (variance 5.9) that falls into the 20 dimensions of A is 5e-4 of four sources of 50 x 1180 each;
+    // the threshold adds a bias of some 1e-4, and X itself is nowhere near.
+    let x = lrma_svt(&a, &y, 60.0, 100)?;
     let fit = nmse(&(&a * &x), &(&a * &truth));
-    ensure(fit < 5e-3, || format!("LRMA-SVT: {fit}"))
+    ensure(fit < 1.5e-3 && nmse(&x, &truth) > 0.3, || format!("LRMA-SVT: {fit}"))
 }
 
 fn refusals() -> Result<(), Failed> {

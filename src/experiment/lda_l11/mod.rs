@@ -25,9 +25,9 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// About two minutes on two cores.
+    /// Some minutes on two cores.
     pub const FULL: Self = Self { seeds: 4, snapshots: 64, iterations: 20_000 };
-    /// Some seconds.
+    /// Half a minute.
     pub const QUICK: Self = Self { seeds: 1, snapshots: 16, iterations: 10_000 };
 }
 
@@ -40,7 +40,7 @@ pub struct Outcome {
     pub claims: Vec<Claim>,
 }
 
-/// Makes all figures; `progress` is told the share that is done, 0 to 1.
+/// Makes the paper's figures; `progress` is told the share that is done, 0 to 1.
 ///
 /// # Errors
 /// When a solver fails.
