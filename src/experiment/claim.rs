@@ -25,11 +25,10 @@ impl Claim {
 
 /// The claims as a table for the terminal.
 pub fn claim_table(claims: &[Claim]) -> String {
-    let width = |text: fn(&Claim) -> &str| {
+    let width = |text: fn(&Claim) -> &String| {
         claims.iter().map(|c| text(c).chars().count()).max().unwrap_or(0).max(5)
     };
-    let columns: [fn(&Claim) -> &str; 3] = [|c| &c.claim, |c| &c.paper, |c| &c.ours];
-    let [claim, paper, ours] = columns.map(width);
+    let (claim, paper, ours) = (width(|c| &c.claim), width(|c| &c.paper), width(|c| &c.ours));
     let mut text =
         format!("  {:6}  {:claim$}  {:paper$}  {:ours$}\n", "", "claim", "paper", "here");
     for c in claims {

@@ -3,11 +3,11 @@
 use super::find::{Found, Region, search};
 use super::input::Head;
 use super::survey::survey;
-use super::{Outcome, ReceiverError, ReceiverOptions};
+use super::{Outcome, ReceiverError, ReceiverOptions, see};
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
 };
-use crate::array::{ArraySky, Manifold};
+use crate::array::ArraySky;
 use crate::array::interference::Interference;
 
 /// With fewer satellites than this a deeper search follows.
@@ -40,7 +40,7 @@ pub(super) fn acquire_head(
     let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
         let mut cells = known.clone();
         if !asked.satellites.is_empty() {
-            cells.extend(search(&head.block, rate_hz, asked, searched)?);
+            cells.extend(search(&head.block, rate_hz, asked, searched, interference)?);
         }
         Ok(cells)
     };
@@ -68,17 +68,13 @@ pub(super) fn acquire_head(
         found = region(end).refine_all(&cells, &asked);
     }
     outcome.acquisitions = found.iter().map(|f| f.refined).collect();
-    let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
-    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
-    let signatures: Vec<_> = found.iter().filter_map(signature).collect();
     if head.block.channels() > 1 {
         let mut sky = ArraySky::default();
         if let Some(survey) = surveyed {
             outcome.warnings.extend(survey.warnings);
             sky = survey.sky;
         }
-        sky.add(signatures, manifold.as_ref());
-        outcome.sky = Some(sky);
+        outcome.sky = Some(see(sky, &found, rate_hz, interference, options));
     }
     Ok(found)
 }

@@ -20,6 +20,9 @@ pub(super) const CHUNK_S: f64 = 0.1;
 /// Signal by which it is judged whether what the elements have in common is a jammer, s.
 const JUDGED_S: f64 = 0.025;
 
+/// Satellites below this C/N0 do not count for that, dB-Hz: noise that the elements share makes some.
+const SOUND_DBHZ: f64 = 30.0;
+
 /// The start of a stream: what acquisition sees.
 pub(super) struct Head {
     pub(super) block: Block,
@@ -167,7 +170,8 @@ impl<'a> Input<'a> {
             let seen = |blocks: &[Block], most: usize| {
                 let mut start = Block::joined(&blocks[..1]);
                 start.truncate((JUDGED_S * self.rate_hz()) as usize);
-                search(&start, self.rate_hz(), asked, most).map_or(0, |found| found.len())
+                let found = search(&start, self.rate_hz(), asked, most, None).unwrap_or_default();
+                found.iter().filter(|a| a.cn0_dbhz > SOUND_DBHZ).count()
             };
             shared_noise = seen(&untouched, 1) > seen(&blocks, channels);
             if shared_noise {

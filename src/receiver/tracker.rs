@@ -6,6 +6,7 @@ use super::input::{CHUNK_S, Head, Input};
 use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
 use crate::array::Beam;
+use crate::array::interference::Interference;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::{GpsTime, NavigationData, Sv};
@@ -135,6 +136,8 @@ struct Tracker<'a> {
     rate_hz: f64,
     /// Channels that a search sums.
     searched: usize,
+    /// Jammers that were removed at the start.
+    interference: Option<Interference>,
     spacing: u64,
     tracks: Vec<Track>,
     lost: BTreeMap<Sv, Lost>,
@@ -161,6 +164,7 @@ pub(super) fn track_all(
         options,
         rate_hz,
         searched: if head.shared_noise { 1 } else { head.block.channels() },
+        interference: input.interference().cloned(),
         spacing: (options.interval_s * rate_hz).round().max(1.0) as u64,
         tracks: found
             .par_iter()
@@ -293,7 +297,7 @@ impl Tracker<'_> {
         if whole_ms < options.coherent_ms {
             Ok(Vec::new())
         } else {
-            search(chunk, self.rate_hz, options, self.searched)
+            search(chunk, self.rate_hz, options, self.searched, self.interference.as_ref())
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::{LinePlot, ReportError, SkyEntry, Summary};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use crate::array::{ArraySky, Bearing};
 use plotters::prelude::*;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -107,6 +108,55 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
                 (place.0 + 0.04, place.1 + 0.07),
                 (FONT, 12),
             ))?;
+        }
+        Ok(())
+    })
+}
+
+/// Directions as an array sees them, in direction cosines: of a plane east and north at the edge and the zenith
+/// in the middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow where they
+/// should be), crosses the sources found without a code, triangles jammers.
+pub fn arrival_plot(sky: &ArraySky) -> Result<String, ReportError> {
+    let at = |bearing: Bearing| match bearing {
+        Bearing::Cone(angle) => angle.sin_cos(),
+        Bearing::Direction { azimuth, elevation } => {
+            (elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos())
+        }
+    };
+    let ink = |share: f64| {
+        let (r, g, b) = HSLColor(share, 0.8, 0.4).to_backend_color().rgb;
+        RGBColor(r, g, b)
+    };
+    draw("plot of directions", (460, 460), |area| {
+        let chart =
+            ChartBuilder::on(area).margin(10).build_cartesian_2d(-1.15f64..1.15, -1.15f64..1.15)?;
+        let plane = chart.plotting_area();
+        for elevation_deg in [0, 30, 60] {
+            let radius = f64::from(elevation_deg).to_radians().cos();
+            let around = (0..=120).map(|k| TAU * f64::from(k) / 120.0);
+            let ring = around.map(|a| (radius * a.sin(), radius * a.cos())).collect::<Vec<_>>();
+            plane.draw(&PathElement::new(ring, GRID))?;
+        }
+        for satellite in &sky.satellites {
+            if let Some(predicted) = satellite.predicted {
+                plane.draw(&Circle::new(at(predicted.bearing), 8, INK))?;
+            }
+            if let Some(arrival) = satellite.arrival {
+                let place = at(arrival.bearing);
+                let agrees = satellite.predicted.is_none_or(|p| p.agrees);
+                let colour = if agrees { ink(0.33) } else { ink(0.0) };
+                plane.draw(&Circle::new(place, 5, colour.filled()))?;
+                let label = (place.0 + 0.04, place.1 + 0.05);
+                plane.draw(&Text::new(satellite.sv.to_string(), label, (FONT, 12)))?;
+            }
+        }
+        if let Some(picture) = &sky.picture {
+            for source in &picture.sources {
+                plane.draw(&Cross::new(at(source.bearing), 6, INK))?;
+            }
+            for bearing in picture.jammers.iter().filter_map(|j| j.bearing) {
+                plane.draw(&TriangleMarker::new(at(bearing), 8, ink(0.0).filled()))?;
+            }
         }
         Ok(())
     })

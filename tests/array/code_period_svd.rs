@@ -75,7 +75,9 @@ fn all_eight(sky: Sky, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
 }
 
 fn eight_elements() -> Result<(), Failed> {
-    for look in all_eight(Sky::new(8, 20, 42.0, 0), 6)? {
+    // Satellites of one direction whose Dopplers are equal modulo 1 kHz share an eigenvalue; these lie 0.15 and
+    // more apart in sine, of which a beam is 0.25.
+    for look in all_eight(Sky { scatter: 0.3, ..Sky::new(8, 20, 42.0, 0) }, 6)? {
         let (rank, full) = (look.svd.division.rank, look.full_search_transforms);
         // A power ratio of 8 x 20 x 10^4.2 / 2.048e6 x 0.865 = 1.07 makes an eigenvalue of 2.2 against an
         // edge of 1.67 floors.
@@ -119,8 +121,8 @@ fn noise_alone() -> Result<(), Failed> {
 
 /// Prints the share of satellites found and the mean rank over C/N0.
 fn sensitivity() -> Result<(), Failed> {
-    for (elements, ms) in [(1, 20), (1, 100), (4, 20), (8, 20), (8, 100), (16, 20)] {
-        for cn0 in [33.0, 35.0, 37.0, 39.0, 40.0, 42.0, 45.0, 50.0] {
+    for (elements, ms) in [(8, 20), (4, 20), (1, 100), (1, 20), (16, 20)] {
+        for cn0 in [42.0, 50.0, 35.0, 37.0, 39.0] {
             let runs = 6;
             let start = std::time::Instant::now();
             let results: Vec<_> = (0..runs)

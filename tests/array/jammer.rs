@@ -1,7 +1,7 @@
 //! Jammers under impulsive noise: the order of section "removed, mapped, then a beam".
 
 use crate::code_period_svd::mapped;
-use crate::sky::{RATE_HZ, Sky, Truth, response};
+use crate::sky::{Sky, Truth, response};
 use libtest_mimic::{Failed, Trial};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -77,11 +77,11 @@ fn beams() -> Result<(), Failed> {
     let quiet = Sky { satellites: 6, ..Sky::new(8, 40, 42.0, 0) };
     let jammed = |jammer| Sky { jammer: Some(jammer), ..quiet.clone() };
     let sine = 17f64.to_radians().sin();
-    let _ = RATE_HZ;
     let unjammed = median_snr_db(&quiet, 4, 0)?;
     println!("no jammer {unjammed:.2} dB");
-    // 12.0 dB an element, 9.03 for eight, -0.63 by the map.
-    if (unjammed - 20.4).abs() > 0.5 {
+    // 12.0 dB an element, 9.03 for eight, -0.63 by the map; the ratio of one satellite over 40 prompts scatters
+    // by 0.7 dB (its variance by 1/39), the median of 24 by 0.18 dB: three of them.
+    if (unjammed - 20.4).abs() > 0.54 {
         return Err(format!("{unjammed} dB without a jammer").into());
     }
     for jammer in [(sine, 30.0, true), (sine, 30.0, false), (sine, 50.0, true), (sine, 50.0, false)]

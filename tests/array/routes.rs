@@ -85,9 +85,8 @@ fn measure(setting: Setting) -> [Tally; 6] {
     let results: Vec<_> = (0..runs)
         .into_par_iter()
         .map(|seed| {
-            let apart = 2.5 / elements as f64;
-            let apart = apart.min(1.2 / satellites as f64);
-            let sky = Sky { satellites, apart, ..Sky::new(elements, ms, cn0, 100 + seed) };
+            // Apart by 0.7 of the part of each: 2.4 to 7.6 over M in the settings of the table.
+            let sky = Sky { satellites, scatter: 0.3, ..Sky::new(elements, ms, cn0, 100 + seed) };
             let (block, truth) = sky.make();
             let block = mapped(block);
             let channels: Vec<&[Complex32]> = (0..elements).map(|m| block.channel(m)).collect();
@@ -96,14 +95,14 @@ fn measure(setting: Setting) -> [Tally; 6] {
             let floor = compressed.division.floor;
             let samples = block.len() as f64;
             let b =
-                jane.decide_covariance(r.as_ref(), samples, Some(floor), &[]).expect("a decision");
+                jane.decide_covariance(&r, samples, Some(floor), &[]).expect("a decision");
             let look =
                 search_code_periods(&channels, RATE_HZ, 0, &CodePeriodOptions::new(elements, ms));
             let look = look.expect("a search");
             let y = look.svd.snapshots();
             let refined = match y.ncols() {
                 0 => Vec::new(),
-                _ => jane.decide(y.as_ref(), &[]).map_or(Vec::new(), |d| d.sources),
+                _ => jane.decide(&y, &[]).map_or(Vec::new(), |d| d.sources),
             };
             let by_satellite =
                 look.found.iter().filter_map(|f| arrival(&manifold, f.signature.as_ref()?));

@@ -24,8 +24,9 @@ pub struct Sky {
     pub cn0_dbhz: f64,
     /// Share of impulses, and their variance.
     pub impulses: (f64, f32),
-    /// Least distance of satellites in sin(theta).
-    pub apart: f64,
+    /// Where the satellites lie within 60 degrees of broadside: each in its own of as many equal parts of
+    /// sin(theta), in the middle share of it (0 to 1); infinite: anywhere.
+    pub scatter: f64,
     /// Sine of the direction, power over the background at each element in dB, and whether a carrier
     /// (else white noise).
     pub jammer: Option<(f64, f64, bool)>,
@@ -63,7 +64,16 @@ impl Sky {
     /// Eight satellites in (0.1, 1, 50) noise.
     pub fn new(elements: usize, ms: usize, cn0_dbhz: f64, seed: u64) -> Self {
         let impulses = (0.1, 50.0);
-        Self { elements, ms, satellites: 8, cn0_dbhz, impulses, apart: 0.0, jammer: None, seed }
+        Self {
+            elements,
+            ms,
+            satellites: 8,
+            cn0_dbhz,
+            impulses,
+            scatter: f64::INFINITY,
+            jammer: None,
+            seed,
+        }
     }
 
     fn rng(&self, stream: u64) -> ChaCha8Rng {
@@ -80,12 +90,18 @@ impl Sky {
                 sv: Sv::from_prn(rng.random_range(1..=32)).expect("a GPS satellite"),
                 doppler_hz: rng.random_range(-5000.0..5000.0),
                 code_phase_chips: rng.random_range(0.0..1023.0),
-                sine: rng.random_range(-PI / 3.0..PI / 3.0).sin(),
+                sine: match self.scatter.is_finite() {
+                    true => {
+                        let part = 2.0 * (PI / 3.0).sin() / self.satellites as f64;
+                        let place = rng.random_range(-0.5..0.5) * self.scatter;
+                        (found.len() as f64 + 0.5 + place) * part - (PI / 3.0).sin()
+                    }
+                    false => rng.random_range(-PI / 3.0..PI / 3.0).sin(),
+                },
                 bit_edge: rng.random_range(0..20),
                 bits: rng.random(),
             };
-            let free = |t: &Truth| t.sv != new.sv && (t.sine - new.sine).abs() >= self.apart;
-            if found.iter().all(free) {
+            if found.iter().all(|t| t.sv != new.sv) {
                 found.push(new);
             }
         }
