@@ -95,14 +95,14 @@ fn measure(setting: Setting) -> [Tally; 6] {
             let floor = compressed.division.floor;
             let samples = block.len() as f64;
             let b =
-                jane.decide_covariance(r.as_ref(), samples, Some(floor), &[]).expect("a decision");
+                jane.decide_covariance(&r, samples, Some(floor), &[]).expect("a decision");
             let look =
                 search_code_periods(&channels, RATE_HZ, 0, &CodePeriodOptions::new(elements, ms));
             let look = look.expect("a search");
             let y = look.svd.snapshots();
             let refined = match y.ncols() {
                 0 => Vec::new(),
-                _ => jane.decide(y.as_ref(), &[]).map_or(Vec::new(), |d| d.sources),
+                _ => jane.decide(&y, &[]).map_or(Vec::new(), |d| d.sources),
             };
             let by_satellite =
                 look.found.iter().filter_map(|f| arrival(&manifold, f.signature.as_ref()?));
