@@ -208,10 +208,8 @@ fn solve(
     count: usize,
 ) -> Option<[Complex32; MOST]> {
     for j in 0..count {
-        let mut pivot = a[j][j].re;
-        for k in 0..j {
-            pivot -= a[j][k].norm_sqr() * a[k][k].re;
-        }
+        let known: f32 = (0..j).map(|k| a[j][k].norm_sqr() * a[k][k].re).sum();
+        let pivot = a[j][j].re - known;
         if pivot.is_nan() || pivot <= 0.0 {
             return None;
         }

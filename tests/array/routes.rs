@@ -156,9 +156,13 @@ fn table() -> Result<(), Failed> {
 
 fn one_setting() -> Result<(), Failed> {
     let tallies = measure((16, 20, 6, 45.0, 0.03, 4));
-    // The reference's table: all exact; 0.10 and 0.052 deg refined, 0.24 on a grid of 0.03; scatter of 24
-    // angles by 30 %, and half as much again for other directions of the sources.
-    for (k, most) in [(0, 0.2), (2, 0.48), (4, 0.104)] {
+    for (name, tally) in NAMES.iter().zip(&tallies) {
+        println!("{name:14} exact {:.2}  rmse {:.3} deg", tally.exact(), tally.rmse_deg());
+    }
+    // The reference's table: all exact; 0.10 and 0.052 deg refined; the scatter of 24 angles by a third, and half
+    // as much again for other directions. Rows: the nearest point of a grid of 0.03, 0.03/sqrt(12) in sine, is 0.50
+    // deg over the mean cosine, 0.61 deg for sines evenly within 60 degrees; and the same scatter.
+    for (k, most) in [(0, 0.2), (2, 0.81), (4, 0.104)] {
         let tally = &tallies[k];
         if tally.exact() < 1.0 || tally.rmse_deg() > most {
             return Err(format!(
