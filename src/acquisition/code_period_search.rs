@@ -23,8 +23,8 @@ use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLE
 use crate::gnss::prn_code::ca_code;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use sdr_rx_linalg::hermitian_eigen;
 use rustfft::{Fft, FftPlanner};
+use sdr_rx_linalg::hermitian_eigen;
 use std::f64::consts::TAU;
 
 /// Share from which a code is beyond doubt.

@@ -8,8 +8,8 @@
 use super::CMat;
 use super::random_matrix::{self, Division};
 use num_complex::{Complex32, Complex64};
-use sdr_rx_linalg::hermitian_eigen;
 use rayon::prelude::*;
+use sdr_rx_linalg::hermitian_eigen;
 
 /// Samples in a tile.
 const TILE: usize = 512;

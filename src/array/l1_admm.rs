@@ -187,10 +187,8 @@ pub fn solve_exactly(
     let (l, n) = (a.ncols(), y.ncols());
     let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
     let identity = CMat::identity(l, l);
-    let gram =
-        Cholesky::new(&(identity + a.adjoint() * a)).ok_or(SparseError::NoConvergence {
-            doing: "Cholesky factor of I + A^H A",
-        })?;
+    let gram = Cholesky::new(&(identity + a.adjoint() * a))
+        .ok_or(SparseError::NoConvergence { doing: "Cholesky factor of I + A^H A" })?;
     let scaled = y * Scale(Complex64::from(1.0 / unit));
     let (mut w, mut v) = (CMat::zeros(l, n), CMat::zeros(y.nrows(), n));
     let relax = Scale(Complex64::from(settings.relax));

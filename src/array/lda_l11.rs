@@ -142,9 +142,8 @@ impl LdaSettings {
 /// # Errors
 /// When the decomposition of A fails.
 pub fn stability_bound(dictionary: &CMat, gamma: f64) -> Result<f64, SparseError> {
-    let (_, values, _) = thin_svd(dictionary).ok_or(SparseError::NoConvergence {
-        doing: "largest singular value of the dictionary",
-    })?;
+    let (_, values, _) = thin_svd(dictionary)
+        .ok_or(SparseError::NoConvergence { doing: "largest singular value of the dictionary" })?;
     let largest = values.into_iter().fold(0.0, f64::max);
     Ok(4.0 / (largest * largest + gamma * gamma))
 }

@@ -8,8 +8,8 @@
 use super::covariance::{compress, covariance};
 use super::interference::Interference;
 use super::{
-    Bearing, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions, dictionary,
-    row_noise, row_rule, solve,
+    Bearing, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions,
+    dictionary, row_noise, row_rule, solve,
 };
 use num_complex::{Complex32, Complex64};
 
@@ -111,8 +111,12 @@ pub fn look(
         start = groups.iter().map(|g| g.point).collect();
     }
     let jane = Jane::new(manifold, options.jane)?;
-    let decision =
-        jane.decide_covariance(with_floor(&r, interference, floor).as_ref(), samples as f64, Some(floor), &start)?;
+    let decision = jane.decide_covariance(
+        with_floor(&r, interference, floor).as_ref(),
+        samples as f64,
+        Some(floor),
+        &start,
+    )?;
     picture.sources = decision.sources;
     picture.sources.iter_mut().for_each(|s| s.power /= floor);
     Ok(picture)

@@ -136,7 +136,14 @@ pub fn acquire(
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.truncate(wanted);
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
-    acquire_head(&head, input.rate_hz(), options, outcome.samples, input.interference(), &mut outcome)?;
+    acquire_head(
+        &head,
+        input.rate_hz(),
+        options,
+        outcome.samples,
+        input.interference(),
+        &mut outcome,
+    )?;
     outcome.noise = input.noise();
     judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());

@@ -43,7 +43,6 @@ impl SpatialFilter {
     pub(super) fn interference(&self) -> Option<&Interference> {
         self.interference.as_ref()
     }
-
 }
 
 /// Median power of the samples: impulses do not move it.

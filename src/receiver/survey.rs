@@ -2,9 +2,7 @@
 
 use super::ReceiverOptions;
 use super::input::CHUNK_S;
-use crate::acquisition::{
-    Acquisition, AcquisitionError, CodePeriodOptions, search_code_periods,
-};
+use crate::acquisition::{Acquisition, AcquisitionError, CodePeriodOptions, search_code_periods};
 use crate::array::interference::Interference;
 use crate::array::{ArraySky, BlindCount, LookError, Manifold, look};
 use crate::capture::Block;
@@ -48,7 +46,8 @@ pub(super) fn survey(
             }
         }
     }
-    let periods = if elements == 1 { PERIODS_OF_ONE } else { PERIODS.min(MOST_ROWS / elements).max(1) };
+    let periods =
+        if elements == 1 { PERIODS_OF_ONE } else { PERIODS.min(MOST_ROWS / elements).max(1) };
     let (low, high) = options.search.doppler_hz;
     let asked = CodePeriodOptions {
         satellites: options.search.satellites.clone(),

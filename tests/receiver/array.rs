@@ -21,8 +21,22 @@ const ARRAY4: &str = "captures/sim_array4_2MHz_0.5s_cs8";
 fn array4(data: &Path, rest: &[&str]) -> Result<Answer, Failed> {
     let (capture, nav) = (file(data, &format!("{ARRAY4}.bin")), file(data, "nav/brdc0010.22n"));
     let how = [
-        "process", &capture, "-f", "cs8", "-r", "2M", "--channels", "4", "--array", "ura:2x2", "--nav",
-        &nav, "--time", "2190:551667", "--troposphere", "none",
+        "process",
+        &capture,
+        "-f",
+        "cs8",
+        "-r",
+        "2M",
+        "--channels",
+        "4",
+        "--array",
+        "ura:2x2",
+        "--nav",
+        &nav,
+        "--time",
+        "2190:551667",
+        "--troposphere",
+        "none",
     ];
     run(&[&how[..], rest].concat())
 }
