@@ -59,5 +59,26 @@ fn chain(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, kernels, chain);
+/// Elements are samples of all channels together; the satellites' chips are made once for all.
+fn arrays(c: &mut Criterion) {
+    let mut group = c.benchmark_group("scenario, arrays, 0.1 s at 2.048 Msps");
+    group.sample_size(10);
+    for (name, channels) in [("ula4", 4), ("ula8", 8), ("ula50", 50), ("jammed_ula8", 8)] {
+        let path = format!("{}/signals/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let mut scenario = Scenario::read(path.as_ref()).expect("a scenario of the repository");
+        scenario.duration_s = 0.1;
+        let mut block = Block::default();
+        group.throughput(Throughput::Elements(204_800 * channels));
+        group.bench_function(name, |b| {
+            b.iter_batched(
+                || ScenarioSource::new(&scenario).expect("a scenario of the repository"),
+                |mut source| source.read(&mut block, usize::MAX),
+                BatchSize::PerIteration,
+            );
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, kernels, chain, arrays);
 criterion_main!(benches);

@@ -60,6 +60,25 @@ pub fn adjoint_product(a: &CMat, b: &CMat) -> CMat {
     a.adjoint() * b
 }
 
+/// A - B, in the place of B.
+pub fn subtracted_from(a: &CMat, mut b: CMat) -> CMat {
+    for k in 0..b.ncols() {
+        let pairs = b.col_as_slice_mut(k).iter_mut().zip(a.col_as_slice(k));
+        pairs.for_each(|(b, a)| *b = a - *b);
+    }
+    b
+}
+
+/// Of each column the sum of its squared moduli.
+pub fn column_powers(a: &CMat) -> Vec<f64> {
+    (0..a.ncols()).map(|k| a.col_as_slice(k).iter().map(|z| z.norm_sqr()).sum()).collect()
+}
+
+/// The product A B of real matrices.
+pub fn real_product(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    a * b
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,7 +13,7 @@
 //!
 //! Counted work: 2 r forward transforms, and one inverse transform for each satellite, Doppler and vector.
 
-use super::search::{multiply, phasor};
+use super::search::{add_power, multiply, phasor};
 use super::{Acquisition, AcquisitionError};
 use crate::acquisition::carrier::estimate_carrier;
 use crate::array::code_period_svd::{CodePeriodSvd, CodePeriods, add_product, product};
@@ -286,7 +286,7 @@ impl<'a> Search<'a> {
                 multiply(tail, code_head, &mut correlation[..bins - lines]);
                 multiply(head, code_tail, &mut correlation[bins - lines..]);
                 self.inverse.process_with_scratch(&mut correlation, &mut scratch);
-                power.iter_mut().zip(&correlation).for_each(|(p, c)| *p += c.norm_sqr());
+                add_power(&correlation, &mut power, false);
             }
             let peak = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             let (bin, highest) = peak.map_or((0, 0.0), |(bin, p)| (bin, f64::from(*p)));

@@ -368,7 +368,7 @@ pub(super) fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) 
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "aarch64+neon"
 ))]
-fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) {
+pub(super) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) {
     for (power, value) in power.iter_mut().zip(values) {
         let norm = value.re * value.re + value.im * value.im;
         *power = if replace { norm } else { *power + norm };

@@ -1,118 +1,148 @@
 //! The iteration of the splitting of [`l1_admm`](super::l1_admm) on a block of sixteen snapshots.
 
-use super::lanes::{LANES, Lane, Packed};
-use multiversion::multiversion;
+use super::lanes::{Block, LANES, Packed, kept};
+use super::register::{Register, Sweep, dispatch};
 
-/// What all blocks share: the dictionary as U S V^H, and the parameters.
-pub struct Kernel<'a> {
-    /// V^H, V, U^H and U.
-    pub v_adjoint: &'a Packed,
-    /// V.
-    pub v: &'a Packed,
-    /// U^H.
-    pub u_adjoint: &'a Packed,
+/// The dictionary as U S V^H.
+pub struct Decomposition {
     /// U.
-    pub u: &'a Packed,
-    /// The singular values.
-    pub s: &'a [f32],
-    /// gamma rho and rho: by how much X and the residual are shrunk.
+    pub u: Packed,
+    /// U^H.
+    pub u_adjoint: Packed,
+    /// V.
+    pub v: Packed,
+    /// V^H.
+    pub v_adjoint: Packed,
+    /// The singular values, each repeated for all lanes.
+    pub s: Vec<f32>,
+}
+
+/// Parameters of the iteration.
+#[derive(Clone, Copy)]
+pub struct Parameters {
+    /// gamma rho: by how much X is shrunk.
     pub shrink_x: f32,
-    /// rho.
+    /// rho: by how much the residual is.
     pub shrink_r: f32,
     /// Relaxation.
     pub relax: f32,
 }
 
 /// The state of sixteen snapshots, and room to work in.
-#[derive(Clone)]
-pub struct Block {
-    /// Y.
-    pub y: Vec<Lane>,
+pub struct State {
+    y: Block,
     /// W, whose shrinkage is X.
-    pub w: Vec<Lane>,
+    pub w: Block,
     /// V, whose shrinkage is the residual.
-    pub v: Vec<Lane>,
-    a: Vec<Lane>,
-    d: Vec<Lane>,
-    p: Vec<Lane>,
-    q: Vec<Lane>,
+    pub v: Block,
+    a: Block,
+    d: Block,
+    p: Block,
+    q: Block,
+    product: Block,
+    left: Vec<f32>,
 }
 
-impl Block {
-    /// A block that starts from zero: L rows of X, rank r.
-    pub fn new(y: Vec<Lane>, l: usize, rank: usize) -> Self {
-        let zero = |rows: usize| vec![Lane::ZERO; rows];
-        let m = y.len();
-        Self { y, w: zero(l), v: zero(m), a: zero(l), d: zero(m), p: zero(rank), q: zero(rank) }
+impl State {
+    /// Starts from zero: L rows of X, rank r of the dictionary.
+    pub fn new(y: Block, l: usize, rank: usize) -> Self {
+        let zeros = Block::zeros;
+        let (m, rows) = (y.rows(), l.max(y.rows()));
+        let (w, v, a, d) = (zeros(l), zeros(m), zeros(l), zeros(m));
+        let (p, q, product) = (zeros(rank), zeros(rank), zeros(rows));
+        Self { y, w, v, a, d, p, q, product, left: vec![0.0; rows * LANES] }
     }
 }
 
-impl Kernel<'_> {
-    /// So many iterations. With `kept`, the factor that each row of W is given in place of the shrinkage of
-    /// each of its entries: then one iteration at a time.
-    pub fn iterate(&self, block: &mut Block, count: usize, kept: Option<&[f32]>) {
-        iterate(self, block, count, kept);
-    }
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512vl+avx512dq+avx2+fma",
-    "x86_64+avx2+fma",
-    "aarch64+neon"
-))]
-fn iterate(kernel: &Kernel, block: &mut Block, count: usize, kept: Option<&[f32]>) {
-    use multiversion::target::target_cfg_f;
-    if target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64")) {
-        sweep::<true>(kernel, block, count, kept);
-    } else {
-        sweep::<false>(kernel, block, count, kept);
-    }
-}
-
-#[inline(always)]
-fn sweep<const FUSED: bool>(
-    kernel: &Kernel,
-    block: &mut Block,
+/// So many iterations. With `rows`, the shares that are left of each row of W (repeated for all lanes) stand in
+/// place of the shrinkage of each of its entries: they hold for one iteration.
+pub fn iterate(
+    dictionary: &Decomposition,
+    parameters: Parameters,
+    state: &mut State,
     count: usize,
-    kept: Option<&[f32]>,
+    rows: Option<&[f32]>,
 ) {
-    let Kernel { v_adjoint, v: right, u_adjoint, u: left, s, shrink_x, shrink_r, relax } = kernel;
-    let Block { y, w, v, a, d, p, q } = block;
-    for _ in 0..count {
-        // a = 2 X - W,  d = Y - 2 R + V
-        for (row, (a, w)) in a.iter_mut().zip(w.iter()).enumerate() {
-            *a = match kept {
-                Some(kept) => w.mix(2.0 * kept[row] - 1.0, w, 0.0),
-                None => w.shrunk(*shrink_x).mix(2.0, w, -1.0),
-            };
-        }
-        for ((d, v), y) in d.iter_mut().zip(v.iter()).zip(y.iter()) {
-            let r = v.shrunk(*shrink_r);
-            for k in 0..LANES {
-                d.re[k] = y.re[k] + v.re[k] - 2.0 * r.re[k];
-                d.im[k] = y.im[k] + v.im[k] - 2.0 * r.im[k];
+    dispatch(Iterations { dictionary, parameters, state, count, rows });
+}
+
+struct Iterations<'a> {
+    dictionary: &'a Decomposition,
+    parameters: Parameters,
+    state: &'a mut State,
+    count: usize,
+    rows: Option<&'a [f32]>,
+}
+
+impl Sweep for Iterations<'_> {
+    #[inline(always)]
+    fn run<R: Register>(self) {
+        let Decomposition { u, u_adjoint, v: right, v_adjoint, s } = self.dictionary;
+        let Parameters { shrink_x, shrink_r, relax } = self.parameters;
+        let State { y, w, v, a, d, p, q, product, left } = self.state;
+        for _ in 0..self.count {
+            // a = 2 X - W,  d = Y - 2 R + V
+            if let Some(rows) = self.rows {
+                left[..rows.len()].copy_from_slice(rows);
+            } else {
+                kept(w.part(0), w.part(1), shrink_x, 0.0, left);
+            }
+            (0..2).for_each(|part| reflect(w.part(part), left, a.part_mut(part)));
+            kept(v.part(0), v.part(1), shrink_r, 0.0, left);
+            (0..2).for_each(|i| reflect_from(v.part(i), left, y.part(i), d.part_mut(i)));
+            // With p = V^H a and q = U^H d: u = a + V alpha, A u = U beta.
+            v_adjoint.product::<R>(a, p);
+            u_adjoint.product::<R>(d, q);
+            (0..2).for_each(|part| project(p.part_mut(part), q.part_mut(part), s));
+            // W += relax (u - X),  X = (a + W) / 2
+            right.product::<R>(p, product);
+            (0..2).for_each(|i| advance(w.part_mut(i), a.part(i), product.part(i), relax));
+            // V += relax (Y - A u - R),  R = (Y + V - d) / 2
+            u.product::<R>(q, product);
+            for i in 0..2 {
+                advance_from(v.part_mut(i), y.part(i), d.part(i), product.part(i), relax);
             }
         }
-        v_adjoint.product::<FUSED>(a, |i, z| p[i] = *z);
-        u_adjoint.product::<FUSED>(d, |i, z| q[i] = *z);
-        for ((p, q), s) in p.iter_mut().zip(q.iter_mut()).zip(*s) {
-            let c = s / (1.0 + s * s);
-            let (alpha, beta) = (p.mix(-s * c, q, c), p.mix(c, q, c * s));
-            (*p, *q) = (alpha, beta);
-        }
-        // W += relax (u - X) with u = a + V alpha, X = (a + W) / 2
-        right.product::<FUSED>(p, |i, z| {
-            for k in 0..LANES {
-                w[i].re[k] += relax * (0.5 * (a[i].re[k] - w[i].re[k]) + z.re[k]);
-                w[i].im[k] += relax * (0.5 * (a[i].im[k] - w[i].im[k]) + z.im[k]);
-            }
-        });
-        // V += relax (Y - A u - R) with A u = U beta, R = (Y + V - d) / 2
-        left.product::<FUSED>(q, |i, z| {
-            for k in 0..LANES {
-                v[i].re[k] += relax * (0.5 * (y[i].re[k] + d[i].re[k] - v[i].re[k]) - z.re[k]);
-                v[i].im[k] += relax * (0.5 * (y[i].im[k] + d[i].im[k] - v[i].im[k]) - z.im[k]);
-            }
-        });
+    }
+}
+
+/// a = 2 `left` w - w.
+#[inline(always)]
+fn reflect(w: &[f32], left: &[f32], a: &mut [f32]) {
+    for ((a, w), left) in a.iter_mut().zip(w).zip(left) {
+        *a = (2.0 * left - 1.0) * w;
+    }
+}
+
+/// d = y - (2 `left` v - v).
+#[inline(always)]
+fn reflect_from(v: &[f32], left: &[f32], y: &[f32], d: &mut [f32]) {
+    for (((d, v), left), y) in d.iter_mut().zip(v).zip(left).zip(y) {
+        *d = y - (2.0 * left - 1.0) * v;
+    }
+}
+
+/// alpha = (s q - s^2 p) / (1 + s^2) in place of p, beta = s (p + s q) / (1 + s^2) in place of q.
+#[inline(always)]
+fn project(p: &mut [f32], q: &mut [f32], s: &[f32]) {
+    for ((p, q), s) in p.iter_mut().zip(q).zip(s) {
+        let c = s / (1.0 + s * s);
+        (*p, *q) = (c * (*q - s * *p), c * (*p + s * *q));
+    }
+}
+
+/// w += relax (a/2 - w/2 + z).
+#[inline(always)]
+fn advance(w: &mut [f32], a: &[f32], z: &[f32], relax: f32) {
+    for ((w, a), z) in w.iter_mut().zip(a).zip(z) {
+        *w += relax * (0.5 * (a - *w) + z);
+    }
+}
+
+/// v += relax (y/2 + d/2 - v/2 - z).
+#[inline(always)]
+fn advance_from(v: &mut [f32], y: &[f32], d: &[f32], z: &[f32], relax: f32) {
+    for (((v, y), d), z) in v.iter_mut().zip(y).zip(d).zip(z) {
+        *v += relax * (0.5 * (y + d - *v) - z);
     }
 }

@@ -32,6 +32,12 @@ pub struct Beam {
 }
 
 impl Beam {
+    /// A beam of these weights.
+    pub fn new(weights: &[Complex64]) -> Self {
+        let single = |w: &Complex64| Complex32::new(w.re as f32, w.im as f32);
+        Self { weights: weights.iter().map(single).collect() }
+    }
+
     /// One element alone.
     pub fn element(index: usize, elements: usize) -> Self {
         let weight = |m| if m == index { Complex32::ONE } else { Complex32::ZERO };

@@ -5,11 +5,11 @@
 //! jammer's wave is estimated by least squares that weight each element with E[1/variance | residual]
 //! of its own mixture (module `front_end::mixture`), which an impulse hardly moves.
 
-use super::{CMat, Manifold, Point};
+use super::{Beam, CMat, Manifold, Point};
 use crate::front_end::mixture::{BINS, Mixture, PowerHistogram, bin, middle};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use sdr_rx_linalg::hermitian_eigen;
+use sdr_rx_linalg::{hermitian_eigen, orthonormal_basis};
 
 /// An eigenvalue is interference when it is this much over the median one (satellites of 50 dB-Hz on 50
 /// elements reach 6 dB).
@@ -52,6 +52,19 @@ impl Interference {
             |m, j| if j < powers_db.len() { single(subspace[(m, j)]) } else { Complex32::ZERO };
         let rows = (0..elements).map(|m| std::array::from_fn(|j| entry(m, j))).collect();
         Self { subspace, powers_db, rows }
+    }
+
+    /// M - J orthonormal beams beside the jammers: white noise stays white, and independent between them, which
+    /// of the elements is no longer true when jammers were removed from them.
+    pub fn free_beams(&self) -> Vec<Beam> {
+        let (elements, count) = self.subspace.shape();
+        let all = CMat::from_fn(elements, elements, |m, k| match k.checked_sub(count) {
+            None => self.subspace[(m, k)],
+            Some(k) => Complex64::from(f64::from(u8::from(m == k))),
+        });
+        let basis = orthonormal_basis(&all);
+        let column = |k: usize| (0..elements).map(|m| basis[(m, k)]).collect::<Vec<_>>();
+        (count..elements).map(|k| Beam::new(&column(k))).collect()
     }
 
     /// Number of components, J.
@@ -309,7 +322,7 @@ mod tests {
         let mut chance = rand_chacha::ChaCha8Rng::seed_from_u64(12);
         let noise: Vec<Vec<Complex32>> = (0..elements)
             .map(|_| {
-                let impulse = |_| if chance.random::<f64>() < share { ratio } else { 1.0 };
+                let mut impulse = |_| if chance.random::<f64>() < share { ratio } else { 1.0 };
                 (0..samples).map(|n| normal(impulse(n))).collect()
             })
             .collect();

@@ -13,10 +13,8 @@
 
 use super::robust_fit::{RobustFit, Tested};
 use super::scan::Scan;
-use super::{Bearing, Manifold, Point};
+use super::{Bearing, CMat, Manifold, Point};
 use crate::front_end::mixture::Mixture;
-use faer::MatRef;
-use num_complex::Complex64;
 
 /// How to decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,11 +130,7 @@ impl Jane {
     ///
     /// # Errors
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
-    pub fn decide(
-        &self,
-        snapshots: MatRef<'_, Complex64>,
-        start: &[Point],
-    ) -> Result<Decision, JaneError> {
+    pub fn decide(&self, snapshots: &CMat, start: &[Point]) -> Result<Decision, JaneError> {
         let elements = self.check(snapshots)?;
         let count = snapshots.ncols() as f64;
         let threshold = self.scan.threshold(self.options.false_alarm, count);
@@ -145,7 +139,7 @@ impl Jane {
         let mut fit =
             RobustFit::new(manifold, snapshots, self.scan.step()).ok_or(JaneError::NoPower)?;
         start.iter().take(most.min(elements / 3)).for_each(|p| fit.add(*p));
-        fit.settle(ROUNDS);
+        fit.settle(ROUGHLY.0, ROUGHLY.1);
         self.prune(&mut fit, threshold);
         // The law of the noise is fitted anew once nothing more is found; what it hid may then appear.
         let mut law_is_new = false;
@@ -154,7 +148,7 @@ impl Jane {
                 && let Some(point) = self.another(&fit, threshold, count)
             {
                 fit.add(point);
-                fit.settle(ROUNDS);
+                fit.settle(ROUGHLY.0, ROUGHLY.1);
                 // What does not hold once the others have made room would be found again for ever.
                 if self.prune(&mut fit, threshold) {
                     law_is_new = false;
@@ -166,14 +160,14 @@ impl Jane {
             }
             law_is_new = true;
             fit.refit_law();
-            fit.settle(POLISH);
+            fit.settle(FINELY.0, FINELY.1);
         }
         self.prune(&mut fit, threshold);
         Ok(self.decision(&fit, threshold))
     }
 
     /// Rows of the data, if they are this array's.
-    pub(super) fn check(&self, data: MatRef<'_, Complex64>) -> Result<usize, JaneError> {
+    pub(super) fn check(&self, data: &CMat) -> Result<usize, JaneError> {
         let (rows, columns) = data.shape();
         let elements = self.manifold().elements();
         if rows != elements || columns == 0 {
@@ -201,14 +195,14 @@ impl Jane {
             let keep: Vec<bool> = (0..tested.len()).map(|q| !order.contains(&q)).collect();
             last_stays &= keep[tested.len() - 1];
             fit.retain(&keep);
-            fit.settle(ROUNDS);
+            fit.settle(ROUGHLY.0, ROUGHLY.1);
         }
     }
 
     /// Where the scan finds another source.
     fn another(&self, fit: &RobustFit<'_>, threshold: f64, count: f64) -> Option<Point> {
         let data = fit.weighted_residual();
-        let (point, score) = self.scan.strongest(data.as_ref(), &fit.responses())?;
+        let (point, score) = self.scan.strongest(&data, &fit.responses())?;
         // What the errors of the responses to known sources may put into one beam.
         let known: f64 = fit.tested().iter().map(|t| t.power).sum();
         let information = fit.information();
@@ -250,9 +244,10 @@ impl Jane {
     }
 }
 
-/// Rounds of the fit after each change, and at the end.
-const ROUNDS: usize = 6;
-const POLISH: usize = 40;
+/// Rounds of the fit after each change, and when nothing more is found: how many at most, and the step, in
+/// standard deviations, that ends them.
+const ROUGHLY: (usize, f64) = (6, 0.3);
+const FINELY: (usize, f64) = (40, 0.01);
 
 /// The strongest first.
 pub(super) fn sorted(mut decision: Decision) -> Decision {
@@ -289,4 +284,67 @@ pub fn bearing_sigma(manifold: &Manifold, point: Point, covariance: [[f64; 2]; 2
             pairs.map(|(i, j)| slopes[i][k] * slopes[j][k] * covariance[i][j]).iter().sum::<f64>();
         sum.max(0.0).sqrt()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gnss::antenna::AntennaArray;
+    use num_complex::Complex64;
+
+    #[test]
+    fn what_cannot_be_decided_is_said() {
+        let manifold = |count| Manifold::new(AntennaArray::half_wavelength(count));
+        let none = Jane::new(&manifold(1), JaneOptions::default()).err();
+        assert_eq!(none, Some(JaneError::NoDirections));
+        for false_alarm in [0.0, 1.0, f64::NAN] {
+            let options = JaneOptions { false_alarm, ..JaneOptions::default() };
+            assert!(matches!(Jane::new(&manifold(4), options), Err(JaneError::FalseAlarm(_))));
+        }
+        let jane = Jane::new(&manifold(4), JaneOptions::default()).unwrap();
+        let wrong = JaneError::Shape { rows: 3, columns: 5, elements: 4 };
+        assert_eq!(jane.decide(&CMat::zeros(3, 5), &[]), Err(wrong));
+        assert!(matches!(jane.decide(&CMat::zeros(4, 0), &[]), Err(JaneError::Shape { .. })));
+        assert_eq!(jane.decide(&CMat::zeros(4, 5), &[]), Err(JaneError::NoPower));
+        let absurd =
+            CMat::from_fn(4, 4, |m, _| Complex64::from(if m == 2 { f64::NAN } else { 1.0 }));
+        assert_eq!(jane.decide(&absurd, &[]), Err(JaneError::NoPower));
+        assert_eq!(jane.decide_covariance(&absurd, 10.0, None, &[]), Err(JaneError::NoPower));
+        let narrow = jane.decide_covariance(&CMat::identity(4, 3), 10.0, None, &[]);
+        assert!(matches!(narrow, Err(JaneError::Shape { .. })));
+    }
+
+    #[test]
+    fn data_without_noise_does_no_harm() {
+        let manifold = Manifold::new(AntennaArray::half_wavelength(8));
+        let jane = Jane::new(&manifold, JaneOptions::default()).unwrap();
+        let a = manifold.response([0.3, 0.0]);
+        let clean = CMat::from_fn(8, 20, |m, n| a[m] * Complex64::cis(n as f64));
+        let found = jane.decide(&clean, &[]).unwrap().sources;
+        assert!((found[0].point[0] - 0.3).abs() < 1e-6, "{found:?}");
+        // As many as one wave looks like to rounding; never as many as elements.
+        assert!(found.len() < 8);
+    }
+
+    #[test]
+    fn deviations_of_angles_follow_from_those_of_the_cosines() {
+        let line = Manifold::new(AntennaArray::half_wavelength(4));
+        // d theta = d s / cos theta.
+        let [angle, none] = bearing_sigma(&line, [0.6, 0.0], [[1e-4, 0.0], [0.0, 0.0]]);
+        assert!((angle - 0.01 / 0.8).abs() < 1e-8 && none == 0.0);
+        let half = crate::gnss::constants::L1_WAVELENGTH / 2.0;
+        let corners = [[0.0, 0.0], [half, 0.0], [0.0, half]];
+        let plane = corners.map(|[x, y]| nalgebra::Vector3::new(x, y, 0.0)).to_vec();
+        let plane = Manifold::new(AntennaArray::new(plane));
+        // East at elevation acos 0.5: the first cosine turns the elevation by 1 / sin el, the second the
+        // azimuth by 1 / cos el.
+        let axis = |k: usize| plane.point(&nalgebra::Vector3::ith_axis(k));
+        let (east, north) = (axis(0), axis(1));
+        let point = [0.5 * east[0], 0.5 * east[1]];
+        let along = |d: Point, s: f64| [0, 1].map(|i| [0, 1].map(|j| s * s * d[i] * d[j]));
+        let [azimuth, elevation] = bearing_sigma(&plane, point, along(east, 0.01));
+        assert!(azimuth < 1e-8 && (elevation - 0.01 / 0.75f64.sqrt()).abs() < 1e-8);
+        let [azimuth, elevation] = bearing_sigma(&plane, point, along(north, 0.01));
+        assert!((azimuth - 0.02).abs() < 1e-8 && elevation < 1e-8);
+    }
 }

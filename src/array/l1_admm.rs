@@ -21,8 +21,8 @@
 //! the dual problem, max Re <Lam, Y>, so that the optimum lies between that value and the objective.
 
 use super::CMat;
-use super::admm_kernel::{Block, Kernel};
-use super::lanes::{Packed, blocks, matrix};
+use super::admm_kernel::{Decomposition, Parameters, State, iterate};
+use super::lanes::{Block, LANES, Packed, matrix};
 use super::sparse::{Penalty, SparseError, check, median_modulus, objective, positive};
 use faer::prelude::*;
 use num_complex::Complex64;
@@ -97,11 +97,8 @@ pub struct SparseEstimate {
 /// A dictionary made ready.
 pub struct AdmmPlan<'a> {
     a: &'a CMat,
-    s: Vec<f32>,
-    v_adjoint: Packed,
-    v: Packed,
-    u_adjoint: Packed,
-    u: Packed,
+    rank: usize,
+    decomposition: Decomposition,
 }
 
 impl<'a> AdmmPlan<'a> {
@@ -116,14 +113,14 @@ impl<'a> AdmmPlan<'a> {
         })?;
         let rank = s.iter().filter(|v| **v > RANK_TOLERANCE * s[0]).count();
         let (m, l) = (a.nrows(), a.ncols());
-        Ok(Self {
-            a,
-            s: s[..rank].iter().map(|s| *s as f32).collect(),
-            v_adjoint: Packed::new(rank, l, |r, c| v[(c, r)].conj()),
-            v: Packed::new(l, rank, |r, c| v[(r, c)]),
-            u_adjoint: Packed::new(rank, m, |r, c| u[(c, r)].conj()),
+        let decomposition = Decomposition {
             u: Packed::new(m, rank, |r, c| u[(r, c)]),
-        })
+            u_adjoint: Packed::new(rank, m, |r, c| u[(c, r)].conj()),
+            v: Packed::new(l, rank, |r, c| v[(r, c)]),
+            v_adjoint: Packed::new(rank, l, |r, c| v[(c, r)].conj()),
+            s: s[..rank].iter().flat_map(|s| [*s as f32; LANES]).collect(),
+        };
+        Ok(Self { a, rank, decomposition })
     }
 
     /// Solves for snapshots Y (M x N) in single precision, sixteen at a time.
@@ -136,34 +133,34 @@ impl<'a> AdmmPlan<'a> {
         let (l, n) = (self.a.ncols(), y.ncols());
         let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
         let shrink_x = settings.gamma * settings.c;
-        let kernel = Kernel {
-            v_adjoint: &self.v_adjoint,
-            v: &self.v,
-            u_adjoint: &self.u_adjoint,
-            u: &self.u,
-            s: &self.s,
+        let parameters = Parameters {
             shrink_x: shrink_x as f32,
             shrink_r: settings.c as f32,
             relax: settings.relax as f32,
         };
-        let rank = self.s.len();
-        let mut state: Vec<Block> =
-            blocks(y, 1.0 / unit).into_iter().map(|y| Block::new(y, l, rank)).collect();
+        let start =
+            |first: usize| State::new(Block::of(y.as_ref(), first, 1.0 / unit), l, self.rank);
+        let mut state: Vec<State> = (0..n).step_by(LANES).map(start).collect();
+        let go = |state: &mut [State], count: usize, rows: Option<&[f32]>| {
+            for block in state {
+                iterate(&self.decomposition, parameters, block, count, rows);
+            }
+        };
         let mut done = 0;
         loop {
             let count = settings.stretch.min(settings.iterations - done);
             match settings.penalty {
-                Penalty::L11 => state.iter_mut().for_each(|b| kernel.iterate(b, count, None)),
+                Penalty::L11 => go(&mut state, count, None),
                 Penalty::Rows => {
                     for _ in 0..count {
-                        let kept = kept_of_rows(&state, shrink_x);
-                        state.iter_mut().for_each(|b| kernel.iterate(b, 1, Some(&kept)));
+                        let left = left_of_rows(&state, l, shrink_x);
+                        go(&mut state, 1, Some(&left));
                     }
                 }
             }
             done += count;
-            let w = matrix(l, n, 1.0, |b| &state[b].w);
-            let v = matrix(y.nrows(), n, 1.0, |b| &state[b].v);
+            let w = matrix(l, n, |b| &state[b].w);
+            let v = matrix(y.nrows(), n, |b| &state[b].v);
             let estimate = self::estimate(self.a, y, &w, &v, unit, settings, done);
             if estimate.gap <= settings.gap || done >= settings.iterations {
                 return Ok(estimate);
@@ -271,13 +268,15 @@ fn kept_of(norm: f64, by: f64) -> f64 {
     if norm > by { 1.0 - by / norm } else { 0.0 }
 }
 
-/// Share that is left of each row of W, over all blocks.
-fn kept_of_rows(state: &[Block], by: f64) -> Vec<f32> {
-    let rows = state.first().map_or(0, |b| b.w.len());
-    let power = |row: usize| -> f64 {
-        state.iter().map(|b| f64::from(b.w[row].power().iter().sum::<f32>())).sum()
-    };
-    (0..rows).map(|row| kept_of(power(row).sqrt(), by) as f32).collect()
+/// Share that is left of each row of W over all blocks, repeated for all lanes.
+fn left_of_rows(state: &[State], rows: usize, by: f64) -> Vec<f32> {
+    let mut powers = vec![0f64; rows];
+    for part in state.iter().flat_map(|s| [s.w.part(0), s.w.part(1)]) {
+        for (power, row) in powers.iter_mut().zip(part.as_chunks::<LANES>().0) {
+            *power += f64::from(row.iter().map(|v| v * v).sum::<f32>());
+        }
+    }
+    powers.into_iter().flat_map(|p| [kept_of(p.sqrt(), by) as f32; LANES]).collect()
 }
 
 /// The scale of the snapshots: the median modulus, or where that is 0 the greatest; `None` of zeros alone.

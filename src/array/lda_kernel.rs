@@ -1,33 +1,38 @@
 //! The iteration of LDA-l1,1 on a block of sixteen snapshots.
 
 use super::CMat;
-use super::lanes::{LANES, Lane, Packed, inverse_root};
-use multiversion::multiversion;
+use super::lanes::{Block, LANES, Packed, kept};
+use super::register::{Register, Sweep, dispatch};
 
 /// What all blocks share.
 pub struct Kernel {
-    /// A, and its adjoint.
     forward: Packed,
     adjoint: Packed,
     gamma: f32,
     mu: f32,
 }
 
-/// The state of sixteen snapshots.
-#[derive(Clone)]
-pub struct Block {
-    /// Y.
-    pub y: Vec<Lane>,
+/// The state of sixteen snapshots, and room to work in.
+pub struct State {
+    y: Block,
     /// X, the upper part of Z.
-    pub x: Vec<Lane>,
-    /// E, the lower.
-    pub e: Vec<Lane>,
-    /// Lam.
-    pub lambda: Vec<Lane>,
+    pub x: Block,
+    e: Block,
+    lambda: Block,
+    product: Block,
+    left: Vec<f32>,
+}
+
+impl State {
+    /// The state of Y, Z = \[X; E\] and Lam.
+    pub fn new(y: Block, x: Block, e: Block, lambda: Block) -> Self {
+        let rows = x.rows().max(e.rows());
+        Self { y, x, e, lambda, product: Block::zeros(rows), left: vec![0.0; rows * LANES] }
+    }
 }
 
 impl Kernel {
-    /// For a dictionary, gamma and mu.
+    /// For a dictionary A, gamma and mu.
     pub fn new(a: &CMat, gamma: f32, mu: f32) -> Self {
         let (m, l) = (a.nrows(), a.ncols());
         let forward = Packed::new(m, l, |r, c| a[(r, c)]);
@@ -36,53 +41,61 @@ impl Kernel {
     }
 
     /// One iteration for each of these steps s_k.
-    pub fn iterate(&self, block: &mut Block, steps: &[f32]) {
-        iterate(self, block, steps);
+    pub fn iterate(&self, state: &mut State, steps: &[f32]) {
+        dispatch(Iterations { kernel: self, state, steps });
     }
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512vl+avx512dq+avx2+fma",
-    "x86_64+avx2+fma",
-    "aarch64+neon"
-))]
-fn iterate(kernel: &Kernel, block: &mut Block, steps: &[f32]) {
-    use multiversion::target::target_cfg_f;
-    if target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64")) {
-        sweep::<true>(kernel, block, steps);
-    } else {
-        sweep::<false>(kernel, block, steps);
-    }
+struct Iterations<'a> {
+    kernel: &'a Kernel,
+    state: &'a mut State,
+    steps: &'a [f32],
 }
 
-#[inline(always)]
-fn sweep<const FUSED: bool>(kernel: &Kernel, block: &mut Block, steps: &[f32]) {
-    let Kernel { forward, adjoint, gamma, mu } = kernel;
-    let Block { y, x, e, lambda } = block;
-    for &s in steps {
-        adjoint.product::<FUSED>(lambda, |l, g| x[l] = descended(&x[l], g, 1.0, s));
-        for (e, lambda) in e.iter_mut().zip(lambda.iter()) {
-            *e = descended(e, lambda, *gamma, s);
-        }
-        forward.product::<FUSED>(x, |m, ax| {
-            let (lambda, e, y) = (&mut lambda[m], &e[m], &y[m]);
-            for k in 0..LANES {
-                lambda.re[k] += mu * (ax.re[k] + gamma * e.re[k] - y.re[k]);
-                lambda.im[k] += mu * (ax.im[k] + gamma * e.im[k] - y.im[k]);
+impl Sweep for Iterations<'_> {
+    #[inline(always)]
+    fn run<R: Register>(self) {
+        let &Kernel { ref forward, ref adjoint, gamma, mu } = self.kernel;
+        let State { y, x, e, lambda, product, left } = self.state;
+        for &s in self.steps {
+            adjoint.product::<R>(lambda, product);
+            descend(x, product, 1.0, s, left);
+            descend(e, lambda, gamma, s, left);
+            forward.product::<R>(x, product);
+            for part in 0..2 {
+                ascend(
+                    lambda.part_mut(part),
+                    product.part(part),
+                    e.part(part),
+                    y.part(part),
+                    gamma,
+                    mu,
+                );
             }
-        });
+        }
     }
 }
 
-/// z - s (z / (2 |z|) + `weight` g).
+/// z <- z - s (z / (2 |z|) + `weight` g).
 #[inline(always)]
-fn descended(z: &Lane, g: &Lane, weight: f32, s: f32) -> Lane {
-    let power = z.power();
-    let mut out = Lane::ZERO;
-    for k in 0..LANES {
-        let keep = 1.0 - 0.5 * s * inverse_root(power[k]);
-        out.re[k] = keep * z.re[k] - s * weight * g.re[k];
-        out.im[k] = keep * z.im[k] - s * weight * g.im[k];
+fn descend(z: &mut Block, g: &Block, weight: f32, s: f32, left: &mut [f32]) {
+    kept(z.part(0), z.part(1), 0.5 * s, f32::NEG_INFINITY, left);
+    for part in 0..2 {
+        move_down(z.part_mut(part), g.part(part), left, s * weight);
     }
-    out
+}
+
+#[inline(always)]
+fn move_down(z: &mut [f32], g: &[f32], left: &[f32], step: f32) {
+    for ((z, g), left) in z.iter_mut().zip(g).zip(left) {
+        *z = left * *z - step * g;
+    }
+}
+
+/// lambda <- lambda + mu (A x + gamma e - y).
+#[inline(always)]
+fn ascend(lambda: &mut [f32], ax: &[f32], e: &[f32], y: &[f32], gamma: f32, mu: f32) {
+    for (((lambda, ax), e), y) in lambda.iter_mut().zip(ax).zip(e).zip(y) {
+        *lambda += mu * (ax + gamma * e - y);
+    }
 }

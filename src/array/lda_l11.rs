@@ -36,12 +36,12 @@
 //! Columns never meet: (8) is one problem per snapshot.
 
 use super::CMat;
-use super::lanes::{blocks, matrix};
-use super::lda_kernel::{Block, Kernel};
+use super::lanes::{Block, LANES, matrix};
+use super::lda_kernel::{Kernel, State};
 use super::random::SplitMix64;
 use super::sparse::{SparseError, check, positive};
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Par};
+use faer::{Accum, MatRef, Par};
 use num_complex::Complex64;
 use sdr_rx_linalg::thin_svd;
 
@@ -246,13 +246,15 @@ pub fn solve(a: &CMat, y: &CMat, settings: &LdaSettings) -> Result<CMat, SparseE
     let z0 = settings.z0.matrix("Z0", l + m, n)?;
     let lambda0 = settings.lambda0.matrix("Lambda0", m, n)?;
     let largest = reach(y);
-    let parts = blocks(y, 1.0).into_iter().zip(blocks(&z0, 1.0)).zip(blocks(&lambda0, 1.0));
-    let mut state: Vec<Block> = parts
-        .map(|((y, z), lambda)| Block { y, e: z[l..].to_vec(), x: z[..l].to_vec(), lambda })
-        .collect();
+    let start = |first: usize| {
+        let block = |matrix: MatRef<_>| Block::of(matrix, first, 1.0);
+        let (x, e) = (z0.subrows(0, l), z0.subrows(l, m));
+        State::new(block(y.as_ref()), block(x), block(e), block(lambda0.as_ref()))
+    };
+    let mut state: Vec<State> = (0..n).step_by(LANES).map(start).collect();
     // In stretches, so that a diverging iteration ends early.
     const STRETCH: usize = 500;
-    let estimate = |state: &[Block]| matrix(l, n, 1.0, |b| &state[b].x);
+    let estimate = |state: &[State]| matrix(l, n, |b| &state[b].x);
     for first in (1..=settings.iterations).step_by(STRETCH) {
         let last = (first + STRETCH - 1).min(settings.iterations);
         let steps: Vec<f32> = (first..=last)

@@ -8,10 +8,10 @@
 use super::covariance::{compress, covariance};
 use super::interference::Interference;
 use super::{
-    Bearing, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions,
-    dictionary, row_noise, row_rule, solve,
+    Bearing, CMat, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions, dictionary,
+    row_noise, row_rule, solve,
 };
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 
 /// Candidates of the dictionary in a beam's width.
 const POINTS_PER_BEAM: usize = 3;
@@ -72,6 +72,9 @@ pub struct SkyPicture {
     pub candidates: usize,
     /// Sources decided on, strongest first; the powers are those of an element over its noise.
     pub sources: Vec<Source>,
+    /// Whether there are too many signals for this array to tell directions by its covariance: as many as
+    /// elements, or more. No sources are given then.
+    pub crowded: bool,
 }
 
 /// Looks at the samples of all elements, which have equal noise floors and no jammer left. The noise is that of
@@ -87,14 +90,16 @@ pub fn look(
 ) -> Result<SkyPicture, LookError> {
     let samples = channels.first().map_or(0, |c| c.len());
     let nulled = interference.map_or(0, Interference::count);
-    let r = covariance(channels);
+    let jammers = interference.map_or(Vec::new(), |i| jammers(i, manifold));
+    let r = equalised(covariance(channels), interference);
+    let manifold = &interference.map_or(manifold.clone(), |i| manifold.clone().beside(&i.subspace));
     let compressed =
         compress(&r, samples, nulled, options.jane.false_alarm).ok_or(LookError::NoNoise)?;
     let floor = compressed.division.floor;
     let mut picture = SkyPicture {
         elements: channels.len(),
         samples,
-        jammers: interference.map_or(Vec::new(), |i| jammers(i, manifold)),
+        jammers,
         rank: compressed.division.rank,
         ..SkyPicture::default()
     };
@@ -111,29 +116,23 @@ pub fn look(
         start = groups.iter().map(|g| g.point).collect();
     }
     let jane = Jane::new(manifold, options.jane)?;
-    let decision = jane.decide_covariance(
-        with_floor(&r, interference, floor).as_ref(),
-        samples as f64,
-        Some(floor),
-        &start,
-    )?;
+    let decision = jane.decide_covariance(&r, samples as f64, Some(floor), &start)?;
     picture.sources = decision.sources;
     picture.sources.iter_mut().for_each(|s| s.power /= floor);
     Ok(picture)
 }
 
-/// The covariance with noise of variance `floor` put back where jammers were projected away, so that noise
-/// is white again.
-fn with_floor(r: &super::CMat, interference: Option<&Interference>, floor: f64) -> super::CMat {
-    match interference {
-        Some(i) if !i.is_empty() => {
-            let hidden = &i.subspace * i.subspace.adjoint();
-            super::CMat::from_fn(r.nrows(), r.ncols(), |m, k| {
-                r[(m, k)] + Complex64::from(floor) * hidden[(m, k)]
-            })
-        }
-        _ => r.clone(),
-    }
+/// The covariance with the same power at all elements, but for what went with the jammers: JANE tests to
+/// 1 / sqrt(T) of the noise, and the gains of the front end are known by far less.
+fn equalised(r: CMat, interference: Option<&Interference>) -> CMat {
+    let kept = |m: usize| {
+        1.0 - interference.map_or(0.0, |i| i.subspace.row(m).iter().map(|u| u.norm_sqr()).sum())
+    };
+    let elements = r.nrows();
+    let power = |m: usize| r[(m, m)].re / kept(m);
+    let mean = (0..elements).map(power).sum::<f64>() / elements as f64;
+    let gains: Vec<f64> = (0..elements).map(|m| (mean / power(m)).sqrt()).collect();
+    CMat::from_fn(elements, elements, |m, k| r[(m, k)] * (gains[m] * gains[k]))
 }
 
 /// Where the jammers come from.

@@ -5,6 +5,7 @@
 //! of that plane. Both are points in the unit interval or disc, in which the phases are linear (van Trees,
 //! Optimum Array Processing, 2.2 and 4.1).
 
+use super::CMat;
 use crate::gnss::antenna::AntennaArray;
 use crate::gnss::constants::L1_WAVELENGTH;
 use nalgebra::{Matrix3, Unit, Vector3};
@@ -36,6 +37,8 @@ pub struct Manifold {
     /// First axis, second axis, normal.
     axes: [Vector3<f64>; 3],
     dimensions: usize,
+    /// Directions that were projected away from the samples: orthonormal columns.
+    hidden: Option<CMat>,
 }
 
 impl Manifold {
@@ -75,7 +78,22 @@ impl Manifold {
                 [first, normal.cross(&first), normal]
             }
         };
-        Self { array, axes, dimensions: extents.min(2) }
+        Self { array, axes, dimensions: extents.min(2), hidden: None }
+    }
+
+    /// The manifold as samples show it from which the span of these orthonormal columns (jammers) was removed.
+    pub fn beside(self, hidden: &CMat) -> Self {
+        Self { hidden: (hidden.ncols() > 0).then(|| hidden.clone()), ..self }
+    }
+
+    fn seen(&self, response: Vec<Complex64>) -> Vec<Complex64> {
+        let Some(hidden) = &self.hidden else { return response };
+        let mut left = response.clone();
+        for column in hidden.col_iter() {
+            let along: Complex64 = column.iter().zip(&response).map(|(h, a)| h.conj() * a).sum();
+            left.iter_mut().zip(column.iter()).for_each(|(l, h)| *l -= along * h);
+        }
+        left
     }
 
     /// The array.
@@ -125,6 +143,10 @@ impl Manifold {
 
     /// Response of each element to a wave from a point.
     pub fn response(&self, point: Point) -> Vec<Complex64> {
+        self.seen(self.whole_response(point))
+    }
+
+    fn whole_response(&self, point: Point) -> Vec<Complex64> {
         if self.dimensions < 2 {
             // Exactly linear in the coordinate, also beyond the visible interval.
             let turn = |p: &Vector3<f64>| TAU * point[0] * self.axes[0].dot(p) / L1_WAVELENGTH;
@@ -136,7 +158,7 @@ impl Manifold {
 
     /// Derivatives of the response by the coordinates.
     pub fn derivatives(&self, point: Point) -> Vec<Vec<Complex64>> {
-        let response = self.response(point);
+        let response = self.whole_response(point);
         let [first, second, normal] = self.axes;
         let u = self.towards(point);
         let height = u.dot(&normal).max(1e-3);
@@ -151,7 +173,7 @@ impl Manifold {
             let elements = self.array.elements_m.iter().zip(&response);
             elements.map(|(p, a)| a * Complex64::new(0.0, rate(p))).collect()
         };
-        (0..self.dimensions).map(slope).collect()
+        (0..self.dimensions).map(|axis| self.seen(slope(axis))).collect()
     }
 
     /// A grid over the manifold: `per_axis` equal steps over [-1, 1], both ends included, of a plane those

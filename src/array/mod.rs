@@ -5,6 +5,7 @@
 
 mod admm_kernel;
 pub mod authenticity;
+pub mod baselines;
 pub mod beams;
 pub mod code_period_svd;
 pub mod covariance;
@@ -12,6 +13,7 @@ pub mod crb;
 pub mod dictionary;
 pub mod interference;
 pub mod jane;
+mod jane_cov;
 pub mod l1_admm;
 mod lanes;
 mod lda_kernel;
@@ -20,6 +22,7 @@ pub mod look;
 pub mod manifold;
 pub mod random;
 pub mod random_matrix;
+mod register;
 mod robust_fit;
 pub mod row_rule;
 pub mod scan;

@@ -15,17 +15,15 @@
 use super::dictionary::dictionary;
 use super::{CMat, Manifold, Point};
 use crate::front_end::mixture::{Mixture, PowerHistogram};
-use faer::{Mat, MatRef};
+use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-
-/// A step shorter than this share of its standard deviation is the last.
-const SETTLED: f64 = 1e-3;
+use sdr_rx_linalg::{adjoint_product, product, real_product, subtracted_from};
 
 /// Sources, their signals and the law of the noise, on the way to the likeliest.
 pub(super) struct RobustFit<'a> {
     manifold: &'a Manifold,
-    data: MatRef<'a, Complex64>,
+    data: &'a CMat,
     /// Longest step of a coordinate.
     reach: f64,
     points: Vec<Point>,
@@ -50,21 +48,21 @@ struct Normal {
 
 impl<'a> RobustFit<'a> {
     /// A fit without sources yet; `None` when there is no power in the data.
-    pub fn new(manifold: &'a Manifold, data: MatRef<'a, Complex64>, reach: f64) -> Option<Self> {
+    pub fn new(manifold: &'a Manifold, data: &'a CMat, reach: f64) -> Option<Self> {
         let mut fit = Self {
             manifold,
             data,
             reach,
             points: Vec::new(),
             signals: CMat::zeros(0, data.ncols()),
-            residual: data.to_owned(),
+            residual: data.clone(),
             law: Mixture { share: 0.0, background: 1.0, impulse: 1.0, real: false },
             weights: Mat::zeros(data.nrows(), data.ncols()),
             mean_weight: 0.0,
             information: 0.0,
             normal: None,
         };
-        fit.refit_law();
+        fit.start_law();
         (fit.law.background > 0.0 && fit.mean_weight.is_finite()).then_some(fit)
     }
 
@@ -104,12 +102,26 @@ impl<'a> RobustFit<'a> {
             CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
     }
 
+    /// A law to start from: a tenth of impulses of ten times the variance that the median tells.
+    fn start_law(&mut self) {
+        let columns = (0..self.data.ncols()).flat_map(|n| self.residual.col_as_slice(n));
+        let mut powers: Vec<f64> = columns.map(|r| r.norm_sqr()).collect();
+        let middle = powers.len() / 2;
+        let mean = powers.iter().sum::<f64>() / powers.len() as f64;
+        let (_, median, _) = powers.select_nth_unstable_by(middle, f64::total_cmp);
+        // Where most samples are zero their mean tells more.
+        let background = if *median > 0.0 { *median / std::f64::consts::LN_2 } else { mean };
+        self.law = Mixture { share: 0.1, background, impulse: 10.0 * background, real: false };
+        self.weigh();
+    }
+
     /// The law of the noise anew, from the residual alone.
     pub fn refit_law(&mut self) {
         let mut powers = PowerHistogram::default();
         let scale = self.residual_scale();
-        for r in self.residual.col_iter().flat_map(|c| c.iter()) {
-            powers.add((scale * r.norm_sqr()) as f32);
+        for n in 0..self.data.ncols() {
+            let column = self.residual.col_as_slice(n).iter();
+            column.for_each(|r| powers.add((scale * r.norm_sqr()) as f32));
         }
         if let Some(law) = Mixture::fit(&powers, false) {
             self.law = law;
@@ -117,11 +129,11 @@ impl<'a> RobustFit<'a> {
         self.weigh();
     }
 
-    /// At most so many rounds.
-    pub fn settle(&mut self, rounds: usize) {
+    /// At most so many rounds, or until no step is longer than this share of its standard deviation.
+    pub fn settle(&mut self, rounds: usize, settled: f64) {
         // A new source has its first signal after one round, its first step after two.
         for k in 0..rounds {
-            if self.round() < SETTLED && k >= 2 {
+            if self.round() < settled && k >= 2 {
                 break;
             }
         }
@@ -184,7 +196,8 @@ impl<'a> RobustFit<'a> {
             }
             let points = self.moved(&step);
             let signals = self.corrected(&normal, &step);
-            let residual = self.data - dictionary(self.manifold, &points) * &signals;
+            let model = product(&dictionary(self.manifold, &points), &signals);
+            let residual = subtracted_from(self.data, model);
             if halvings == 5 || self.weighted_power(&residual) <= before {
                 (self.points, self.signals, self.residual) = (points, signals, residual);
                 break;
@@ -237,16 +250,17 @@ impl<'a> RobustFit<'a> {
         let mut products = Mat::<f64>::zeros(place(0, total), elements);
         for m in 0..elements {
             let of_element = products.col_as_slice_mut(m);
+            let row: Vec<Complex64> = columns.row(m).iter().copied().collect();
             for j in 0..total {
                 for i in 0..=j {
-                    let product = columns[(m, i)].conj() * columns[(m, j)];
+                    let product = row[i].conj() * row[j];
                     of_element[place(i, j)] = product.re;
                     of_element[place(i, j) + 1] = product.im;
                 }
             }
         }
-        let grams = products * &self.weights;
-        let slopes = columns.adjoint() * self.weighted_residual();
+        let grams = real_product(&products, &self.weights);
+        let slopes = adjoint_product(&columns, &self.weighted_residual());
 
         let mut blocks = vec![Complex64::ZERO; snapshots * block_length(sources, coordinates)];
         let mut hessian = DMatrix::zeros(coordinates, coordinates);
@@ -255,7 +269,7 @@ impl<'a> RobustFit<'a> {
             let grams = grams.col_as_slice(n);
             let gram =
                 |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
-            let slope = slopes.col_as_slice(n);
+            let (slope, signals) = (slopes.col_as_slice(n), self.signals.col_as_slice(n));
             let (factor, rest) = block.split_at_mut(sources * sources);
             for i in 0..sources {
                 (0..=i).for_each(|j| factor[i * sources + j] = gram(j, i).conj());
@@ -269,14 +283,14 @@ impl<'a> RobustFit<'a> {
             rest.copy_from_slice(&slope[..sources]);
             forward(factor, rest);
             for q in 0..coordinates {
-                let signal = self.signals[(q / dimensions, n)];
+                let signal = signals[q / dimensions];
                 let column = &crossed[q * sources..(q + 1) * sources];
                 force[q] += (signal.conj() * (slope[sources + q] - dot(column, rest))).re;
                 for p in 0..=q {
                     let other = &crossed[p * sources..(p + 1) * sources];
                     let outside = gram(sources + p, sources + q) - dot(other, column);
-                    let signals = self.signals[(p / dimensions, n)].conj() * signal;
-                    hessian[(p, q)] += (signals * outside).re;
+                    let product = signals[p / dimensions].conj() * signal;
+                    hessian[(p, q)] += (product * outside).re;
                 }
             }
         }
@@ -296,8 +310,9 @@ impl<'a> RobustFit<'a> {
             let (factor, rest) = block.split_at(sources * sources);
             let (crossed, rest) = rest.split_at(coordinates * sources);
             change.copy_from_slice(rest);
+            let before = self.signals.col_as_slice(n);
             for (p, column) in crossed.chunks_exact(sources).enumerate() {
-                let by = self.signals[(p / dimensions, n)] * step[p];
+                let by = before[p / dimensions] * step[p];
                 change.iter_mut().zip(column).for_each(|(c, v)| *c -= by * v);
             }
             backward(factor, &mut change);
@@ -308,9 +323,12 @@ impl<'a> RobustFit<'a> {
 
     /// W.R, what the scan for another source looks at.
     pub fn weighted_residual(&self) -> CMat {
-        CMat::from_fn(self.data.nrows(), self.data.ncols(), |m, n| {
-            self.residual[(m, n)] * self.weights[(m, n)]
-        })
+        let mut weighted = self.residual.clone();
+        for n in 0..weighted.ncols() {
+            let pairs = weighted.col_as_slice_mut(n).iter_mut().zip(self.weights.col_as_slice(n));
+            pairs.for_each(|(r, w)| *r *= w);
+        }
+        weighted
     }
 
     /// Of each source: the statistic, Gamma(N, 1) when there is none, its power, and the covariance of its
@@ -325,26 +343,30 @@ impl<'a> RobustFit<'a> {
         let mut unit = vec![Complex64::ZERO; sources];
         for n in 0..snapshots {
             let factor = &normal.block(n, sources)[..sources * sources];
+            let signals = self.signals.col_as_slice(n);
             for q in 0..sources {
                 unit.fill(Complex64::ZERO);
                 unit[q] = Complex64::ONE;
                 forward(factor, &mut unit);
                 let variance = unit.iter().map(|u| u.norm_sqr()).sum::<f64>() / gain;
-                statistics[q] += self.signals[(q, n)].norm_sqr() / variance;
+                statistics[q] += signals[q].norm_sqr() / variance;
                 noise[q] += variance / snapshots as f64;
             }
         }
         let inverse = normal.hessian.clone().try_inverse();
-        let covariance = |q: usize, i: usize, j: usize| match &inverse {
-            _ if i.max(j) >= dimensions => 0.0,
-            Some(h) => h[(q * dimensions + i, q * dimensions + j)] / (2.0 * gain),
-            None if i == j => f64::INFINITY,
-            None => 0.0,
-        };
-        let tested = (0..sources).map(|q| Tested {
-            statistic: statistics[q],
-            power: (self.signals.row(q).squared_norm_l2() / snapshots as f64 - noise[q]).max(0.0),
-            covariance: [0, 1].map(|i| [0, 1].map(|j| covariance(q, i, j))),
+        let tested = (0..sources).map(|q| {
+            let seen = self.signals.row(q).squared_norm_l2() / snapshots as f64;
+            let power = (seen - noise[q]).max(0.0);
+            // The Hessian took the noise in the signals for signal (Stoica and Nehorai 1990, as in jane_cov).
+            let doubt = (seen / power.max(0.05 * seen)).powi(2);
+            let covariance = |i: usize, j: usize| match &inverse {
+                _ if i.max(j) >= dimensions => 0.0,
+                Some(h) => doubt * h[(q * dimensions + i, q * dimensions + j)] / (2.0 * gain),
+                None if i == j => f64::INFINITY,
+                None => 0.0,
+            };
+            let covariance = [0, 1].map(|i| [0, 1].map(|j| covariance(i, j)));
+            Tested { statistic: statistics[q], power, covariance }
         });
         tested.collect()
     }

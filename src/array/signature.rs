@@ -9,6 +9,9 @@ use super::{Bearing, CMat, Manifold, Point};
 use num_complex::Complex64;
 use sdr_rx_linalg::hermitian_eigen;
 
+/// Share of a response's power that must be left beside jammers for a direction to count.
+const HIDDEN: f64 = 0.02;
+
 /// A measured signature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signature {
@@ -83,7 +86,9 @@ pub fn arrival(manifold: &Manifold, signature: &Signature) -> Option<Arrival> {
     }
     let explained = |point: Point| {
         let a = manifold.response(point);
-        inner(&a, z).norm_sqr() / inner(&a, &a).re
+        let norm = inner(&a, &a).re;
+        // In the direction of a jammer that was removed nothing is left.
+        if norm > HIDDEN * elements as f64 { inner(&a, z).norm_sqr() / norm } else { 0.0 }
     };
     // Four points a beam width in each direction; the scalloping between them is below 0.3 dB.
     let across = 4 * if manifold.dimensions() == 1 { elements } else { 8.max(elements / 2) };

@@ -1,8 +1,9 @@
 //! What an antenna array says of each satellite: from where it comes, and whether it should.
 
 use super::authenticity::{OneDirection, agrees, one_direction};
-use super::{Arrival, Bearing, Manifold, Signature, SkyPicture, arrival};
+use super::{Arrival, Bearing, Manifold, Signature, SkyPicture, Source, arrival};
 use crate::gnss::Sv;
+use crate::gnss::constants::CA_CODE_PERIOD;
 use nalgebra::{Unit, Vector3};
 
 /// What errors of attitude and elements may turn a direction by, in direction cosines (0.1 is 6 degrees at
@@ -16,6 +17,8 @@ pub struct SatelliteArrival {
     pub sv: Sv,
     /// Response of each element.
     pub signature: Signature,
+    /// Power at one element over the noise of a sample.
+    pub sample_snr: f64,
     /// Where it comes from, where the array's geometry is known.
     pub arrival: Option<Arrival>,
     /// Where it should come from, where its orbit and the receiver's position are known.
@@ -63,11 +66,17 @@ pub struct ArraySky {
 
 impl ArraySky {
     /// Adds the signatures of satellites; `manifold` where the array's geometry is known.
-    pub fn add(&mut self, signatures: Vec<(Sv, Signature)>, manifold: Option<&Manifold>) {
+    pub fn add(
+        &mut self,
+        signatures: Vec<(Sv, Signature)>,
+        rate_hz: f64,
+        manifold: Option<&Manifold>,
+    ) {
         let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
         self.one_direction = one_direction(&references);
         let seen = |(sv, signature): (Sv, Signature)| SatelliteArrival {
             sv,
+            sample_snr: signature.snr / (rate_hz * CA_CODE_PERIOD),
             arrival: manifold.and_then(|m| arrival(m, &signature)),
             signature,
             predicted: None,
@@ -85,6 +94,27 @@ impl ArraySky {
             let bearing = manifold.bearing(manifold.point(towards));
             satellite.predicted = Some(Prediction { bearing, apart, agrees });
         }
+    }
+
+    /// Sources found without a code that no satellite explains: farther from each than half a beam and five
+    /// standard deviations.
+    pub fn unexplained(&self) -> impl Iterator<Item = &Source> {
+        let elements = self.picture.as_ref().map_or(1, |p| p.elements) as f64;
+        let found = self.picture.iter().flat_map(|p| &p.sources);
+        found.filter(move |source| {
+            let arrivals = self.satellites.iter().filter_map(|s| s.arrival.as_ref());
+            let apart = |a: &Arrival| {
+                (a.point[0] - source.point[0]).hypot(a.point[1] - source.point[1])
+            };
+            let reach = 1.0 / elements + 5.0 * source.sigma[0].hypot(source.sigma[1]);
+            arrivals.map(apart).all(|d| d > reach)
+        })
+    }
+
+    /// Number of sources seen without despreading: by direction, or by their code periods, whichever is more.
+    pub fn sources(&self) -> usize {
+        let by_direction = self.picture.as_ref().map_or(0, |p| p.sources.len());
+        by_direction.max(self.blind.as_ref().map_or(0, |b| b.signals))
     }
 
     /// What of it a person should be warned of.

@@ -3,6 +3,9 @@
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+/// Samples that are interleaved at a time, so that those of many channels stay in the cache.
+const TILE: usize = 256;
+
 /// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Block {
@@ -96,15 +99,19 @@ impl Block {
     pub fn append_numbers(&self, real: bool, numbers: &mut Vec<f32>) {
         let old = numbers.len();
         numbers.resize(old + self.samples.len() * if real { 1 } else { 2 }, 0.0);
-        for c in 0..self.channels {
-            let samples = self.channel(c);
-            if real {
-                let out = numbers[old + c.min(self.samples.len())..].iter_mut();
-                out.step_by(self.channels).zip(samples).for_each(|(out, x)| *out = x.re);
-            } else {
-                let out: &mut [Complex32] = bytemuck::cast_slice_mut(&mut numbers[old..]);
-                let out = out[c.min(self.samples.len())..].iter_mut();
-                out.step_by(self.channels).zip(samples).for_each(|(out, x)| *out = *x);
+        let (len, channels) = (self.len(), self.channels);
+        for tile in (0..len).step_by(TILE) {
+            for c in 0..channels {
+                let samples = &self.channel(c)[tile..len.min(tile + TILE)];
+                let first = tile * channels + c;
+                if real {
+                    let out = numbers[old + first..].iter_mut();
+                    out.step_by(channels).zip(samples).for_each(|(out, x)| *out = x.re);
+                } else {
+                    let out: &mut [Complex32] = bytemuck::cast_slice_mut(&mut numbers[old..]);
+                    let out = out[first..].iter_mut();
+                    out.step_by(channels).zip(samples).for_each(|(out, x)| *out = *x);
+                }
             }
         }
     }

@@ -97,7 +97,7 @@ pub(super) fn read(
     let Some(points) = own.iter().map(|p| p.point).collect::<Option<Vec<_>>>() else {
         return Ok(None);
     };
-    if let Some(p) = points.iter().flatten().find(|v| !(v.abs() <= FARTHEST_M)) {
+    if let Some(p) = points.iter().flatten().find(|v| v.abs() > FARTHEST_M) {
         return Err(wrong(path, field, format!("{p} is not within {FARTHEST_M} m")));
     }
     let bearing = capture.aperture_bearing.unwrap_or_default();

@@ -1,5 +1,6 @@
 //! `sdr-rx experiment`: figures and tables made again.
 
+use super::experiment_lda_l11;
 use super::experiment_front_end;
 use std::process::ExitCode;
 
@@ -12,12 +13,14 @@ pub struct Experiment {
 
 #[derive(clap::Subcommand)]
 enum Name {
+    LdaL11(experiment_lda_l11::LdaL11),
     FrontEnd(experiment_front_end::FrontEnd),
 }
 
 /// Runs the experiment.
 pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
     match &args.name {
+        Name::LdaL11(args) => experiment_lda_l11::run(args),
         Name::FrontEnd(args) => experiment_front_end::run(args),
     }
 }

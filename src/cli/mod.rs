@@ -2,9 +2,11 @@
 
 mod acquire;
 mod experiment;
+mod experiment_lda_l11;
 mod experiment_front_end;
 mod info;
 mod input;
+mod look;
 mod output;
 mod process;
 mod receive;
@@ -26,6 +28,7 @@ enum Command {
     Process(process::Process),
     Acquire(acquire::Acquire),
     Experiment(experiment::Experiment),
+    Look(look::Look),
     Info(info::Info),
     Simulate(simulate::Simulate),
 }
@@ -36,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Process(args) => process::run(&args),
         Command::Acquire(args) => acquire::run(&args),
         Command::Experiment(args) => experiment::run(&args),
+        Command::Look(args) => look::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };

@@ -4,7 +4,7 @@ use super::input::{Input, si_number};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
-use sdr_rx::array::LookOptions;
+use sdr_rx::array::{Engine, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
@@ -44,6 +44,9 @@ pub struct Receive {
     /// [default: what the metadata say]
     #[arg(long, value_name = "ARRAY", value_parser = array, help_heading = "Array")]
     pub array: Option<ArrayDescription>,
+    /// Solver of the sparse problem that looks for sources: the fast one, or LDA-l1,1 as published
+    #[arg(long, value_name = "ENGINE", default_value = "admm", help_heading = "Array")]
+    pub engine: EngineArg,
     /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
     #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Search")]
     pub suppress: Suppression,
@@ -99,6 +102,24 @@ fn array(text: &str) -> Result<ArrayDescription, String> {
     ArrayDescription::parse(text).map_err(|e| e.to_string())
 }
 
+/// `--engine`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum EngineArg {
+    /// Douglas-Rachford splitting.
+    Admm,
+    /// LDA-l1,1.
+    Lda,
+}
+
+impl From<EngineArg> for Engine {
+    fn from(engine: EngineArg) -> Self {
+        match engine {
+            EngineArg::Admm => Self::Admm,
+            EngineArg::Lda => Self::Lda,
+        }
+    }
+}
+
 /// `--troposphere`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum TroposphereArg {
@@ -138,7 +159,10 @@ impl Receive {
             time: info.start_time,
             interval_s: 1.0,
             array: self.array.clone().or(info.array.clone()),
-            look: LookOptions::default(),
+            look: LookOptions {
+                sparse: SparseOptions { engine: self.engine.into(), ..SparseOptions::default() },
+                ..LookOptions::default()
+            },
             suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
         }

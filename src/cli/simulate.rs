@@ -3,20 +3,21 @@
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
-use sdr_rx::report::write_atomically;
+use sdr_rx::report::{rinex_navigation, write_atomically};
 use sdr_rx::scenario::{RawFormat, RawWriter, Scenario, ScenarioSource};
 use sdr_rx::temporary::temporary_beside;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Samples of each channel that are made at a time.
+/// Samples of all channels together that are made at a time.
 const BLOCK: usize = 1 << 18;
 
 /// Make a capture with known truth from a scenario
 ///
-/// The samples are those of GPS L1 C/A as IS-GPS-200 says it, the truth is written beside them as
-/// NAME.truth.json. Files appear under their names when complete.
+/// The samples are those of GPS L1 C/A as IS-GPS-200 says it, of each element where the scenario has an
+/// array. Beside them are written the truth (NAME.truth.json) and the satellites' ephemerides
+/// (NAME.nav.rnx, for `process --nav`). Files appear under their names when complete.
 ///
 /// Example: sdr-rx simulate signals/static_8sv.toml --out static.sigmf-meta
 #[derive(clap::Args)]
@@ -26,7 +27,7 @@ pub struct Simulate {
     #[arg(value_name = "SCENARIO.toml")]
     scenario: PathBuf,
     /// NAME.sigmf-meta (samples in NAME.sigmf-data), or raw samples in NAME.cs8, .cs16, .cf32 or .b1, or -
-    /// for raw samples on standard output in the scenario's own type, without truth
+    /// for raw samples on standard output in the scenario's own type, and nothing beside them
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
     /// Seconds to make, in place of the scenario's duration_s
@@ -69,7 +70,7 @@ pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
         let mut writer =
             SigmfWriter::create(&args.out, source.info(), datatype, &scenario.description)?;
         copy(&mut source, |block| Ok(writer.write(block)?))?;
-        write_truth(&args.out, &source)?;
+        write_beside(&args.out, &source)?;
         writer.finish()?;
     } else {
         let format = RawFormat::from_suffix(suffix).filter(|_| !scenario.front_end.real);
@@ -85,7 +86,7 @@ pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
         let mut writer = RawWriter::new(file, format);
         copy(&mut source, |block| writer.write(block).with_context(failed))?;
         let file = writer.finish().with_context(failed)?;
-        write_truth(&args.out, &source)?;
+        write_beside(&args.out, &source)?;
         file.persist(&args.out).with_context(failed)?;
     }
     Ok(ExitCode::SUCCESS)
@@ -97,6 +98,7 @@ fn copy(
     mut write: impl FnMut(&Block) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let samples = source.info().samples.unwrap_or(0);
+    let at_a_time = BLOCK / source.info().channels;
     let bar = if io::stderr().is_terminal() {
         ProgressBar::new(samples)
             .with_style(ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?)
@@ -105,7 +107,7 @@ fn copy(
     };
     let mut block = Block::default();
     loop {
-        let read = source.read(&mut block, BLOCK).map_err(|e| anyhow::anyhow!(e))?;
+        let read = source.read(&mut block, at_a_time).map_err(|e| anyhow::anyhow!(e))?;
         if read == 0 {
             bar.finish_and_clear();
             return Ok(());
@@ -115,10 +117,12 @@ fn copy(
     }
 }
 
-/// Writes the truth as NAME.truth.json beside the capture.
-fn write_truth(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
+/// Writes what is known beside the capture: the truth as NAME.truth.json, the ephemerides as NAME.nav.rnx.
+fn write_beside(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
     let mut text = serde_json::to_vec_pretty(&source.truth())?;
     text.push(b'\n');
+    let navigation = rinex_navigation(&source.scenario().navigation()?);
+    write_atomically(&out.with_extension("nav.rnx"), navigation.as_bytes())?;
     Ok(write_atomically(&out.with_extension("truth.json"), &text)?)
 }
 

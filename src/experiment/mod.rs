@@ -1,6 +1,9 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
+pub mod claim;
+pub mod detection;
 pub mod front_end;
+pub mod lda_l11;
 pub mod scene;
 
 pub use crate::array::random::SplitMix64;

@@ -5,6 +5,7 @@ use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, despread,
     remove_shadows,
 };
+use crate::array::interference::Interference;
 use crate::array::{Beam, Signature};
 use crate::capture::Block;
 use crate::correlator::{CodeTable, SampleBuffer};
@@ -38,17 +39,37 @@ pub(super) struct Region<'a> {
     pub(super) end: u64,
 }
 
-/// Satellites in a block, over at most [`SEARCHED_CHANNELS`] of its channels.
+/// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
+/// removed the channels share some noise, and beams of independent noise take their place. Satellites `known`
+/// beforehand are given back with the others; what is only their shadow is not.
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
     options: &SearchOptions,
+    most: usize,
+    interference: Option<&Interference>,
+    known: &[Acquisition],
 ) -> Result<Vec<Acquisition>, AcquisitionError> {
-    let count = block.channels().min(SEARCHED_CHANNELS);
+    let count = block.channels().min(SEARCHED_CHANNELS).min(most).max(1);
     let spread = |k: usize| k * block.channels() / count;
-    let channels: Vec<&[Complex32]> = (0..count).map(|k| block.channel(spread(k))).collect();
+    let beams = interference.map_or(Vec::new(), Interference::free_beams);
+    let formed: Vec<Vec<Complex32>> = beams
+        .par_iter()
+        .take(count)
+        .map(|beam| {
+            let mut samples = Vec::new();
+            beam.form(block, &mut samples);
+            samples
+        })
+        .collect();
+    let channels: Vec<&[Complex32]> = match formed.is_empty() {
+        true => (0..count).map(|k| block.channel(spread(k))).collect(),
+        false => formed.iter().map(Vec::as_slice).collect(),
+    };
+    let count = channels.len();
     let plan = SearchPlan::new(rate_hz, options.clone())?;
     let mut found = plan.search_channels(&channels)?;
+    found.extend(known);
     let looks = count * plan.windows(block.len());
     remove_shadows(&mut found, options.coherent_ms, looks);
     Ok(found)
@@ -75,6 +96,9 @@ impl Region<'_> {
         let refined = Refiner::new(buffer, self.rate_hz, self.start, self.end)
             .refine(cell, &table, span_hz)
             .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
+        // Once more where the code and the carrier really are.
+        let spatial = spatial
+            .and_then(|first| self.signature(&refined.acquisition, &table).or(Some(first)));
         let is_there = refined.acquisition.cn0_dbhz > cell.cn0_dbhz - CONFIRMED_DB;
         (is_there || !confirms).then_some(Found { refined, spatial })
     }

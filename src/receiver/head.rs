@@ -3,11 +3,11 @@
 use super::find::{Found, Region, search};
 use super::input::Head;
 use super::survey::survey;
-use super::{Outcome, ReceiverError, ReceiverOptions};
+use super::{Outcome, ReceiverError, ReceiverOptions, see};
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
 };
-use crate::array::Manifold;
+use crate::array::ArraySky;
 use crate::array::interference::Interference;
 
 /// With fewer satellites than this a deeper search follows.
@@ -30,21 +30,21 @@ pub(super) fn acquire_head(
     let mut asked = options.search.clone();
     asked.coherent_ms = asked.coherent_ms.min(whole_ms).max(1);
     let mut surveyed = None;
-    if head.block.channels() > 1 {
+    let searched = if head.shared_noise { 1 } else { head.block.channels() };
+    if searched > 1 {
         let survey = survey(&head.block, rate_hz, interference, options)?;
         asked.satellites.retain(|sv| survey.cells.iter().all(|c| c.sv != *sv));
         surveyed = Some(survey);
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();
     let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
-        let mut cells = known.clone();
-        if !asked.satellites.is_empty() {
-            cells.extend(search(&head.block, rate_hz, asked)?);
+        if asked.satellites.is_empty() {
+            return Ok(known.clone());
         }
-        Ok(cells)
+        search(&head.block, rate_hz, asked, searched, interference, &known)
     };
     let mut cells = search_rest(&asked)?;
-    let deep = asked.max_windows.max(deep_windows(head.block.channels()));
+    let deep = asked.max_windows.max(deep_windows(searched));
     let deeper = deep > asked.max_windows && whole_ms > asked.coherent_ms * asked.max_windows;
     if cells.len() < ENOUGH_SATELLITES && deeper {
         asked.max_windows = deep;
@@ -67,10 +67,14 @@ pub(super) fn acquire_head(
         found = region(end).refine_all(&cells, &asked);
     }
     outcome.acquisitions = found.iter().map(|f| f.refined).collect();
-    let manifold = options.array.as_ref().map(|a| Manifold::new(a.in_enu()));
-    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
-    let signatures: Vec<_> = found.iter().filter_map(signature).collect();
-    outcome.sky = (!signatures.is_empty()).then(|| ArraySky::new(signatures, manifold.as_ref()));
+    if head.block.channels() > 1 {
+        let mut sky = ArraySky::default();
+        if let Some(survey) = surveyed {
+            outcome.warnings.extend(survey.warnings);
+            sky = survey.sky;
+        }
+        outcome.sky = Some(see(sky, &found, rate_hz, interference, options));
+    }
     Ok(found)
 }
 

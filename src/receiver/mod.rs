@@ -8,6 +8,7 @@ mod survey;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+use crate::array::interference::Interference;
 use crate::array::{ArraySky, LookOptions, Manifold};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
@@ -16,8 +17,10 @@ use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
 use crate::positioning::{Fix, Residual, SnapshotOptions, solve_snapshot};
 use crate::tracking::TrackingOptions;
+use find::{Found, Region};
 use head::acquire_head;
 use input::Input;
+use survey::survey;
 use tracker::track_all;
 
 /// Signal that the first search and its refinement see, s.
@@ -132,7 +135,7 @@ pub fn acquire(
     seconds: f64,
 ) -> Result<Outcome, ReceiverError> {
     let mut input = Input::new(source, options)?;
-    let mut head = input.head(seconds)?;
+    let mut head = input.head(seconds, &options.search)?;
     let wanted = (seconds * input.rate_hz()).round() as usize;
     head.truncate(wanted);
     let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
@@ -150,6 +153,50 @@ pub fn acquire(
     Ok(outcome)
 }
 
+/// The sky as the samples of the first `seconds` show it without a search: sources and directions, signals in
+/// the code periods, and the satellites that they turn out to be.
+pub fn look(
+    source: &mut dyn SampleSource,
+    options: &ReceiverOptions,
+    seconds: f64,
+) -> Result<Outcome, ReceiverError> {
+    let mut input = Input::new(source, options)?;
+    let mut head = input.head(seconds, &options.search)?;
+    let rate_hz = input.rate_hz();
+    head.truncate((seconds * rate_hz).round() as usize);
+    let end = head.block.len() as u64;
+    let mut outcome = Outcome { samples: end, ..Outcome::default() };
+    if head.shared_noise {
+        acquire_head(&head, rate_hz, options, end, None, &mut outcome)?;
+    } else {
+        let survey = survey(&head.block, rate_hz, input.interference(), options)?;
+        let region =
+            Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };
+        let found = region.refine_all(&survey.cells, &options.search);
+        outcome.acquisitions = found.iter().map(|f| f.refined).collect();
+        outcome.warnings = survey.warnings;
+        outcome.sky = Some(see(survey.sky, &found, rate_hz, input.interference(), options));
+    }
+    outcome.noise = input.noise();
+    judge_sky(&mut outcome, options);
+    outcome.warnings.splice(0..0, input.source.warnings());
+    Ok(outcome)
+}
+
+/// The sky with the signatures of the satellites found.
+fn see(
+    mut sky: ArraySky,
+    found: &[Found],
+    rate_hz: f64,
+    interference: Option<&Interference>,
+    options: &ReceiverOptions,
+) -> ArraySky {
+    let manifold = manifold(interference, options);
+    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
+    sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
+    sky
+}
+
 /// The whole receiver. `progress` is told the samples done after each chunk.
 pub fn process(
     source: &mut dyn SampleSource,
@@ -158,7 +205,7 @@ pub fn process(
 ) -> Result<Outcome, ReceiverError> {
     let mut input = Input::new(source, options)?;
     let rate_hz = input.rate_hz();
-    let head = input.head(HEAD_S)?;
+    let head = input.head(HEAD_S, &options.search)?;
     let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
     let length = head.block.len() as u64;
     let refine = length.min((REFINE_S * rate_hz) as u64);
@@ -179,6 +226,12 @@ pub fn process(
     judge_sky(&mut outcome, options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
+}
+
+/// The array's manifold, where its geometry is known, as the samples show it beside jammers.
+fn manifold(interference: Option<&Interference>, options: &ReceiverOptions) -> Option<Manifold> {
+    let whole = Manifold::new(options.array.as_ref()?.in_enu());
+    Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
 }
 
 /// Compares the array's sky with the first fix, and warns.

@@ -56,6 +56,12 @@ pub(super) fn survey(
     };
     let nulled = interference.map_or(0, Interference::count);
     let found = search_code_periods(&first(1e-3 * (periods + 1) as f64), rate_hz, nulled, &asked)?;
+    if let Some(picture) = &mut survey.sky.picture
+        && found.svd.division.rank.max(found.found.len()) + nulled >= elements
+    {
+        picture.crowded = true;
+        picture.sources.clear();
+    }
     survey.cells = found.found.iter().map(|f| f.acquisition).collect();
     survey.sky.blind = Some(BlindCount {
         periods,

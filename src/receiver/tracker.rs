@@ -6,6 +6,7 @@ use super::input::{CHUNK_S, Head, Input};
 use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
 use crate::array::Beam;
+use crate::array::interference::Interference;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::{GpsTime, NavigationData, Sv};
@@ -133,6 +134,10 @@ struct Lost {
 struct Tracker<'a> {
     options: &'a ReceiverOptions,
     rate_hz: f64,
+    /// Channels that a search sums.
+    searched: usize,
+    /// Jammers that were removed at the start.
+    interference: Option<Interference>,
     spacing: u64,
     tracks: Vec<Track>,
     lost: BTreeMap<Sv, Lost>,
@@ -158,6 +163,8 @@ pub(super) fn track_all(
     let mut tracker = Tracker {
         options,
         rate_hz,
+        searched: if head.shared_noise { 1 } else { head.block.channels() },
+        interference: input.interference().cloned(),
         spacing: (options.interval_s * rate_hz).round().max(1.0) as u64,
         tracks: found
             .par_iter()
@@ -252,7 +259,7 @@ impl Tracker<'_> {
             let asked = SearchOptions {
                 satellites: vec![sv],
                 doppler_hz: (lost.doppler_hz - RETRY_HZ, lost.doppler_hz + RETRY_HZ),
-                max_windows: deep_windows(chunk.channels()),
+                max_windows: deep_windows(self.searched),
                 ..self.options.search.clone()
             };
             cells.extend(self.search_chunk(chunk, &asked)?);
@@ -290,7 +297,7 @@ impl Tracker<'_> {
         if whole_ms < options.coherent_ms {
             Ok(Vec::new())
         } else {
-            search(chunk, self.rate_hz, options)
+            search(chunk, self.rate_hz, options, self.searched, self.interference.as_ref(), &[])
         }
     }
 

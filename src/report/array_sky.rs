@@ -1,6 +1,6 @@
 //! The sky as an antenna array sees it: as a table and as a JSON record.
 
-use crate::array::{ArraySky, Arrival, Bearing, SatelliteArrival};
+use crate::array::{Arrival, ArraySky, Bearing, Jammer, SatelliteArrival, Source};
 use crate::gnss::Sv;
 use serde::Serialize;
 use std::fmt::Write;
@@ -38,9 +38,45 @@ impl From<Bearing> for BearingRecord {
 /// The array's sky as a record.
 #[derive(Clone, Debug, Serialize)]
 pub struct ArraySkyRecord {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    elements: Option<usize>,
+    /// All that is known: satellites despread, and what no satellite explains.
+    sources: Vec<SourceRecord>,
+    /// By LDA-l1,1 and JANE on the covariance, before any code was known; absent where signals are too many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    blind_sources: Option<Vec<SourceRecord>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    jammers: Vec<JammerRecord>,
+    /// By the singular values of the code periods, before any code was known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    signals: Option<usize>,
+    /// Found in them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    blind_satellites: Option<Vec<Sv>>,
     satellites: Vec<SatelliteRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     all_from_one_direction: Option<bool>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct SourceRecord {
+    /// How it was found: `despread` or `covariance`.
+    route: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sv: Option<Sv>,
+    #[serde(flatten)]
+    bearing: BearingRecord,
+    /// Of the angle, or the greater of azimuth's (times the cosine of the elevation) and elevation's.
+    sigma_deg: f64,
+    /// Of an element over its noise.
+    power_db: f64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct JammerRecord {
+    #[serde(flatten)]
+    bearing: Option<BearingRecord>,
+    power_db: f64,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -73,11 +109,64 @@ struct ElementRecord {
 impl ArraySkyRecord {
     /// The record of an array's sky.
     pub fn new(sky: &ArraySky) -> Self {
+        let picture = sky.picture.as_ref();
+        let despread = sky.satellites.iter().filter_map(SourceRecord::of_satellite);
+        let others = sky.unexplained().map(SourceRecord::new);
+        let jammers = picture.map_or(&[][..], |p| &p.jammers);
         Self {
+            elements: picture.map(|p| p.elements),
+            sources: despread.chain(others).collect(),
+            blind_sources: picture
+                .filter(|p| !p.crowded)
+                .map(|p| p.sources.iter().map(SourceRecord::new).collect()),
+            jammers: jammers.iter().map(JammerRecord::new).collect(),
+            signals: sky.blind.as_ref().map(|b| b.signals),
+            blind_satellites: sky.blind.as_ref().map(|b| b.satellites.clone()),
             satellites: sky.satellites.iter().map(SatelliteRecord::new).collect(),
             all_from_one_direction: sky.one_direction.map(|o| o.is_one),
         }
     }
+}
+
+impl SourceRecord {
+    fn new(source: &Source) -> Self {
+        Self {
+            route: "covariance",
+            sv: None,
+            bearing: source.bearing.into(),
+            sigma_deg: source_sigma_deg(source),
+            power_db: 10.0 * source.power.log10(),
+        }
+    }
+}
+
+impl SourceRecord {
+    fn of_satellite(satellite: &SatelliteArrival) -> Option<Self> {
+        let arrival = satellite.arrival.as_ref()?;
+        Some(Self {
+            route: "despread",
+            sv: Some(satellite.sv),
+            bearing: arrival.bearing.into(),
+            sigma_deg: sigma_deg(arrival),
+            power_db: 10.0 * satellite.sample_snr.log10(),
+        })
+    }
+}
+
+impl JammerRecord {
+    fn new(jammer: &Jammer) -> Self {
+        Self { bearing: jammer.bearing.map(Into::into), power_db: jammer.power_db }
+    }
+}
+
+/// Standard deviation of a source's angle, or the greater of the two.
+fn source_sigma_deg(source: &Source) -> f64 {
+    let [first, second] = source.bearing_sigma;
+    let across = match source.bearing {
+        Bearing::Cone(_) => first,
+        Bearing::Direction { elevation, .. } => first * elevation.cos(),
+    };
+    across.max(second).to_degrees()
 }
 
 impl SatelliteRecord {
@@ -121,9 +210,55 @@ fn angles(bearing: Bearing) -> String {
     }
 }
 
-/// One line per satellite: where it comes from with its deviation, where it should come from, and the phases
+/// What was seen before any code was known: jammers, signals, sources with their directions.
+fn sources_text(sky: &ArraySky) -> String {
+    let mut text = String::new();
+    if let Some(picture) = &sky.picture {
+        for jammer in &picture.jammers {
+            let from = jammer.bearing.map_or(String::new(), |b| format!(" from{} deg", angles(b)));
+            let _ = writeln!(text, "  jammer      {:.1} dB over the noise{from}, removed", jammer.power_db);
+        }
+    }
+    if let Some(blind) = &sky.blind {
+        let names: Vec<String> = blind.satellites.iter().map(ToString::to_string).collect();
+        let _ = writeln!(
+            text,
+            "  signals     {} in {} code periods, by their singular values; {} found in them: {} ({:.0} % of a full search's transforms)",
+            blind.signals,
+            blind.periods,
+            names.len(),
+            names.join(" "),
+            100.0 * blind.transforms as f64 / blind.full_search_transforms.max(1) as f64
+        );
+    }
+    if let Some(picture) = &sky.picture {
+        let _ = writeln!(
+            text,
+            "  sources     {} by LDA-l1,1 and JANE on the covariance of {} elements, {} samples",
+            if picture.crowded { "too many to tell".to_owned() } else { picture.sources.len().to_string() },
+            picture.elements,
+            picture.samples
+        );
+        for source in &picture.sources {
+            let _ = writeln!(
+                text,
+                "     {} deg +- {:.2}, {:+.1} dB",
+                angles(source.bearing),
+                source_sigma_deg(source),
+                10.0 * source.power.log10()
+            );
+        }
+    }
+    text
+}
+
+/// What was seen before any code was known; then one line per satellite: where it comes from with its deviation, where it should come from, and the phases
 /// of the elements against the first.
 pub fn array_sky_table(sky: &ArraySky) -> String {
+    let mut text = sources_text(sky);
+    if sky.satellites.is_empty() {
+        return text;
+    }
     let measured = sky.satellites.iter().find_map(|s| s.arrival);
     let what = match measured.map(|a| a.bearing) {
         None => String::new(),
@@ -132,7 +267,7 @@ pub fn array_sky_table(sky: &ArraySky) -> String {
             format!("{:>13} {:>6} {:>13}", "az, el/deg", "sigma", "expected")
         }
     };
-    let mut text = format!("  sv  {what}  phases of the elements against the first/deg\n");
+    let _ = writeln!(text, "\n  sv  {what}  phases of the elements against the first/deg");
     for s in &sky.satellites {
         let _ = write!(text, "  {} ", s.sv);
         if measured.is_some() {

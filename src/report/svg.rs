@@ -1,6 +1,8 @@
 //! Plots as SVG. The drawing library is named in this file only.
 
-use super::{ReportError, SkyEntry, Summary};
+use super::{LinePlot, ReportError, SkyEntry, Summary};
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use crate::array::{ArraySky, Bearing};
 use plotters::prelude::*;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -111,6 +113,55 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
     })
 }
 
+/// Directions as an array sees them, in direction cosines: of a plane east and north at the edge and the zenith
+/// in the middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow where they
+/// should be), crosses the sources found without a code, triangles jammers.
+pub fn arrival_plot(sky: &ArraySky) -> Result<String, ReportError> {
+    let at = |bearing: Bearing| match bearing {
+        Bearing::Cone(angle) => angle.sin_cos(),
+        Bearing::Direction { azimuth, elevation } => {
+            (elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos())
+        }
+    };
+    let ink = |share: f64| {
+        let (r, g, b) = HSLColor(share, 0.8, 0.4).to_backend_color().rgb;
+        RGBColor(r, g, b)
+    };
+    draw("plot of directions", (460, 460), |area| {
+        let chart =
+            ChartBuilder::on(area).margin(10).build_cartesian_2d(-1.15f64..1.15, -1.15f64..1.15)?;
+        let plane = chart.plotting_area();
+        for elevation_deg in [0, 30, 60] {
+            let radius = f64::from(elevation_deg).to_radians().cos();
+            let around = (0..=120).map(|k| TAU * f64::from(k) / 120.0);
+            let ring = around.map(|a| (radius * a.sin(), radius * a.cos())).collect::<Vec<_>>();
+            plane.draw(&PathElement::new(ring, GRID))?;
+        }
+        for satellite in &sky.satellites {
+            if let Some(predicted) = satellite.predicted {
+                plane.draw(&Circle::new(at(predicted.bearing), 8, INK))?;
+            }
+            if let Some(arrival) = satellite.arrival {
+                let place = at(arrival.bearing);
+                let agrees = satellite.predicted.is_none_or(|p| p.agrees);
+                let colour = if agrees { ink(0.33) } else { ink(0.0) };
+                plane.draw(&Circle::new(place, 5, colour.filled()))?;
+                let label = (place.0 + 0.04, place.1 + 0.05);
+                plane.draw(&Text::new(satellite.sv.to_string(), label, (FONT, 12)))?;
+            }
+        }
+        if let Some(picture) = &sky.picture {
+            for source in &picture.sources {
+                plane.draw(&Cross::new(at(source.bearing), 6, INK))?;
+            }
+            for bearing in picture.jammers.iter().filter_map(|j| j.bearing) {
+                plane.draw(&TriangleMarker::new(at(bearing), 8, ink(0.0).filled()))?;
+            }
+        }
+        Ok(())
+    })
+}
+
 /// East and north of the fixes around their median, m, both axes alike.
 pub fn east_north_plot(summary: &Summary) -> Result<String, ReportError> {
     let points = summary.offsets_m.iter().map(|o| (o.x, o.y));
@@ -154,4 +205,75 @@ pub fn height_plot(summary: &Summary, times_s: &[f64]) -> Result<String, ReportE
         chart.draw_series(points.map(|p| Circle::new(p, 2, INK.filled())))?;
         Ok(())
     })
+}
+
+const INKS: [RGBColor; 8] = [
+    INK,
+    RGBColor(200, 60, 40),
+    RGBColor(40, 140, 70),
+    RGBColor(150, 80, 170),
+    RGBColor(220, 150, 20),
+    RGBColor(90, 90, 90),
+    RGBColor(20, 160, 170),
+    RGBColor(180, 60, 120),
+];
+
+/// Curves with a legend.
+pub(super) fn draw_lines(plot: &LinePlot) -> Result<String, ReportError> {
+    let points = || plot.curves.iter().flat_map(|curve| plot.drawable(curve));
+    let range = |values: &mut dyn Iterator<Item = f64>, log: bool| {
+        let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+        match (low < high, log) {
+            (false, _) => 0.5..1.5,
+            (true, true) => low / 1.2..high * 1.2,
+            // A linear axis of what is never negative starts at 0.
+            (true, false) if low >= 0.0 => 0.0..1.03 * high,
+            (true, false) => low..high,
+        }
+    };
+    let x = range(&mut points().map(|p| p.0), plot.log[0]);
+    let y = range(&mut points().map(|p| p.1), plot.log[1]);
+    draw("line plot", (640, 420), |area| match plot.log {
+        [false, false] => lines(area, plot, x, y),
+        [true, false] => lines(area, plot, x.log_scale(), y),
+        [false, true] => lines(area, plot, x, y.log_scale()),
+        [true, true] => lines(area, plot, x.log_scale(), y.log_scale()),
+    })
+}
+
+fn lines<X, Y>(area: &Area, plot: &LinePlot, x: X, y: Y) -> Drawn
+where
+    X: AsRangedCoord<Value = f64>,
+    Y: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64>,
+    Y::CoordDescType: ValueFormatter<f64>,
+{
+    let mut chart = ChartBuilder::on(area)
+        .caption(&plot.title, (FONT, 15))
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .bold_line_style(RGBColor(230, 230, 230))
+        .x_desc(&plot.axes[0])
+        .y_desc(&plot.axes[1])
+        .draw()?;
+    for (curve, ink) in plot.curves.iter().zip(INKS.into_iter().cycle()) {
+        let points = plot.drawable(curve);
+        chart
+            .draw_series(LineSeries::new(points.iter().copied(), ink.stroke_width(2)))?
+            .label(&curve.name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], ink.stroke_width(2)));
+        chart.draw_series(points.into_iter().map(|p| Circle::new(p, 2, ink.filled())))?;
+    }
+    chart
+        .configure_series_labels()
+        .background_style(WHITE.mix(0.8))
+        .border_style(GRID)
+        .label_font((FONT, 12))
+        .draw()?;
+    Ok(())
 }

@@ -99,6 +99,41 @@ const CASES: &[(&str, &str, &str, &str)] = &[
     ("bits = 8", "bits = 5", "5 bits: write 1, 2, 3, 4, 8 or 16", "line 23"),
     ("[front_end]", "[frontend]", "unknown field `frontend`", "line 20"),
     ("[signal]", "[signal", "unclosed table", "line 11"),
+    ("[signal]", "[array]\n[signal]", "give one of elements_m, linear", "line 11"),
+    ("[signal]", "[array]\nlinear = { count = 0 }\n[signal]", "must be 1 to 1024", "line 11"),
+    ("[signal]", "[array]\nlinear = { many = 2 }\n[signal]", "unknown field `many`", "line 12"),
+    ("[signal]", "[array]\nline = 1\n[signal]", "unknown field `line`", "line 12"),
+    ("[signal]", "[[jammer]]\nkind = \"hum\"\n[signal]", "unknown variant `hum`", "line 12"),
+    ("[signal]", "[[jammer]]\nkind = \"cw\"\npower_db = 1e9\n[signal]", "150 dB", "line 13"),
+    ("[signal]", "[[jammer]]\nkind = \"cw\"\npower_db = 10\n[signal]", "`direction`", "line 11"),
+    (
+        "[signal]",
+        "[[jammer]]\nkind = \"cw\"\npower_db = 10\ndirection.cone_deg = 10\n[signal]",
+        "[[jammer]] 1: direction.cone_deg needs an [array] whose elements lie on a line",
+        "",
+    ),
+    (
+        "[signal]",
+        "[[jammer]]\nkind = \"cw\"\npower_db = 10\nfrequency_hz = 2e6\n\
+         direction.sky = { azimuth_deg = 0, elevation_deg = 0 }\n[signal]",
+        "frequencies up to 2000000 Hz lie outside",
+        "",
+    ),
+    (
+        "[signal]",
+        "[[jammer]]\nkind = \"noise\"\npower_db = 10\nstart_s = 2\nstop_s = 1\n\
+         direction.sky = { azimuth_deg = 0, elevation_deg = 0 }\n[signal]",
+        "stop_s 1 must come after start_s 2",
+        "",
+    ),
+    ("[signal]", "[spoofer]\ndirection.cone_deg = 100\n[signal]", "-90 to 90", "line 12"),
+    (
+        "[signal]",
+        "[spoofer]\nsatellites = [\"G32\"]\n\
+         direction.sky = { azimuth_deg = 0, elevation_deg = 0 }\n[signal]",
+        "G32 is not among the satellites simulated: G01",
+        "",
+    ),
 ];
 
 pub fn trials() -> Vec<Trial> {
@@ -164,5 +199,13 @@ fn command() -> Result<(), Failed> {
     let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(path("x.truth.json"))?)?;
     assert_eq!(truth["epochs"][0]["gps_week"], 2190);
     assert_eq!(truth["scenario"]["seed"], 0);
+    let navigation = sdr_rx::gnss::rinex_nav::read(path("x.nav.rnx"))?;
+    // Twelve digits of a file: 1e-12 of an orbit's radius, and of an angle times that radius, 3e-5 m each.
+    let scenario = Scenario::parse(GOOD, "good.toml")?;
+    for eph in scenario.navigation()?.iter() {
+        let read = navigation.ephemeris(eph.sv, scenario.start).ok_or("a satellite is missing")?;
+        let (ours, file) = (eph.state(scenario.start), read.state(scenario.start));
+        assert!((ours.position_m - file.position_m).norm() < 1e-3, "{}", eph.sv);
+    }
     Ok(())
 }

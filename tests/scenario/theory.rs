@@ -179,7 +179,7 @@ fn shipped() -> Result<(), Failed> {
         if path.extension().is_some_and(|s| s == "toml") {
             let scenario = Scenario { duration_s: 0.002, ..Scenario::read(&path)? };
             let mut source = ScenarioSource::new(&scenario)?;
-            assert_eq!(source.satellites().count(), 8, "{}", path.display());
+            assert!(source.satellites().count() >= 5, "{}", path.display());
             assert!(!samples(&mut source, 1000)?.is_empty());
             count += 1;
         }
