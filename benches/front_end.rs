@@ -83,6 +83,7 @@ fn suppression(c: &mut Criterion) {
         samples: None,
         start_time: None,
         format: "cf32".into(),
+        array: None,
     };
     let noise = |share: f64, bits: Option<u32>| {
         let (mut re, mut im) = (vec![0.0; LEN], vec![0.0; LEN]);

@@ -31,13 +31,14 @@ fn info() -> StreamInfo {
         samples: None,
         start_time: None,
         format: "cf32".into(),
+        array: None,
     }
 }
 
 /// Post-correlation signal-to-noise ratio of one code period, dB: the power of the mean prompt over the mean
 /// power of correlations with the code shifted by 1/17, 2/17, ... of its period.
 fn snr_db(samples: &[Complex32], code: &[f32]) -> f64 {
-    const SHIFTS: usize = 16;
+    const SHIFTS: usize = 8;
     let correlate = |period: &[Complex32], shift: usize| -> Complex64 {
         let turned = code[shift..].iter().chain(&code[..shift]);
         let sum: Complex32 = period.iter().zip(turned).map(|(z, c)| z * c).sum();
@@ -76,8 +77,8 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
             }
             let (snr, theory) = (snr_db(block.channel(0), &code), 15.0 - map.loss_db(&law));
             println!("({share}, {ratio}) {suppression}: {snr:.2} dB, theory {theory:.2} dB");
-            // The mean of 1500 prompts has a relative power error of sqrt(2 / (1500 snr)), the noise of 24000
-            // correlations one of sqrt(1 / 24000), and of a few strong impulses more: where the suppressed noise
+            // The mean of 1500 prompts has a relative power error of sqrt(2 / (1500 snr)), the noise of 12000
+            // correlations one of sqrt(1 / 12000), and of a few strong impulses more: where the suppressed noise
             // has 14 dB 0.04 dB, of which 3.5; linear where nothing is left of the signal is not measured.
             let bound = 0.15 * (14.0 - theory).max(0.0).mul_add(0.1, 1.0);
             assert!(theory < 0.0 || (snr - theory).abs() < bound, "{snr} dB, theory {theory} dB");
@@ -112,10 +113,10 @@ fn a_cold_search_in_impulses_finds_all_satellites_with_suppression_and_none_with
 -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     for (suppression, _) in CHOICES {
         let runs =
-            (1..=4).map(|seed| cold_search(suppression, seed)).collect::<Result<Vec<_>, _>>()?;
+            (1..=2).map(|seed| cold_search(suppression, seed)).collect::<Result<Vec<_>, _>>()?;
         let (right, wrong) = runs.iter().fold((0, 0), |(a, b), run| (a + run.0, b + run.1));
-        println!("{suppression}: {right} of 32 found, {wrong} false: {runs:?}");
-        let expected = if suppression == Suppression::Off { 0 } else { 32 };
+        println!("{suppression}: {right} of 16 found, {wrong} false: {runs:?}");
+        let expected = if suppression == Suppression::Off { 0 } else { 16 };
         assert_eq!((right, wrong), (expected, 0), "{suppression}");
     }
     Ok(())

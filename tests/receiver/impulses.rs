@@ -4,7 +4,7 @@ use crate::common::data_trial;
 use crate::program::{file, median, run, vector};
 use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
-use sdr_rx::capture::SampleSource;
+use sdr_rx::capture::{self, OpenOptions, SampleSource};
 use sdr_rx::front_end::Suppression;
 use sdr_rx::receiver::{self, Outcome, ReceiverOptions};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
@@ -31,7 +31,7 @@ fn arguments<'a>(capture: &'a str, command: &'a str) -> Vec<&'a str> {
     vec![command, capture, "-f", "cs8", "-r", "2.6M"]
 }
 
-fn capture(data: &Path, kind: &str) -> String {
+fn capture_file(data: &Path, kind: &str) -> String {
     file(data, &format!("captures/sim_tokyo_2.6MHz_1s_{kind}cs8.bin"))
 }
 
@@ -39,7 +39,7 @@ fn capture(data: &Path, kind: &str) -> String {
 /// (the signals were drawn at the same C/N0 against the background; clipping of impulses only helps); the
 /// snapshot's position.
 fn impulses(data: &Path, kind: &str) -> Result<(), Failed> {
-    let (name, clean) = (capture(data, kind), capture(data, ""));
+    let (name, clean) = (capture_file(data, kind), capture_file(data, ""));
     let short = run(&[&arguments(&name, "acquire")[..], &["--duration", "0.02"]].concat())?;
     let long = |name| run(&[&arguments(name, "acquire")[..], &["--seconds", "1"]].concat());
     let (impulsive, clean) = (long(&name)?, long(&clean)?);
@@ -64,14 +64,17 @@ fn impulses(data: &Path, kind: &str) -> Result<(), Failed> {
 }
 
 fn hidden(data: &Path) -> Result<(), Failed> {
-    let name = capture(data, "gmm1000_");
-    let off = ["--duration", "0.02", "--suppress", "off"];
-    let answer = run(&[&arguments(&name, "acquire")[..], &off].concat())?;
-    if answer.satellites().is_empty() && answer.code == 1 {
-        Ok(())
-    } else {
-        Err(format!("found {:?}", answer.satellites()).into())
-    }
+    let open = OpenOptions {
+        format: Some("cs8".to_owned()),
+        rate_hz: Some(2.6e6),
+        duration_s: Some(0.02),
+        ..OpenOptions::default()
+    };
+    let mut source = capture::open(&[capture_file(data, "gmm1000_").into()], &open)?;
+    let options = ReceiverOptions { suppression: Suppression::Off, ..ReceiverOptions::default() };
+    let outcome = receiver::acquire(source.as_mut(), &options, 0.02)?;
+    let found = outcome.acquisitions.len();
+    if found == 0 { Ok(()) } else { Err(format!("{found} found").into()) }
 }
 
 /// The receiver's answer to `seconds` of a shipped scenario with impulses of this ratio.
@@ -81,7 +84,9 @@ fn received(ratio: f64, seconds: f64) -> Result<(Outcome, Vector3<f64>), Failed>
     scenario.duration_s = seconds;
     scenario.noise.impulse_variance_ratio = ratio;
     let mut source = ScenarioSource::new(&scenario)?;
-    let options = ReceiverOptions { time: source.info().start_time, ..ReceiverOptions::default() };
+    let mut options =
+        ReceiverOptions { time: source.info().start_time, ..ReceiverOptions::default() };
+    options.positioning.positioning.troposphere = scenario.atmosphere.troposphere;
     let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
     Ok((outcome, scenario.receiver.position.ecef()))
 }

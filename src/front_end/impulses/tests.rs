@@ -11,6 +11,7 @@ fn info(real: bool) -> StreamInfo {
         samples: None,
         start_time: None,
         format: "cf32".into(),
+        array: None,
     }
 }
 
