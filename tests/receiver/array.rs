@@ -24,6 +24,11 @@ pub fn trials() -> Vec<Trial> {
     ]
 }
 
+/// Whether a number is one, and below a bound.
+fn below(number: f64, bound: f64) -> bool {
+    number < bound
+}
+
 fn scenario(name: &str) -> String {
     format!("{}/signals/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
@@ -64,7 +69,7 @@ fn line(name: &str, fix: bool) -> Result<(), Failed> {
         let row = row.ok_or("a satellite without a direction")?;
         let (error, sigma) = (number(&row["angle_deg"]) - angle_of(satellite), number(&row["sigma_deg"]));
         // Five standard deviations, and what the satellite moves in 0.2 s.
-        if !(error.abs() < 5.0 * sigma + 0.01) {
+        if !below(error.abs(), 5.0 * sigma + 0.01) {
             return Err(format!("{}: {error} deg off, sigma {sigma}", row["sv"]).into());
         }
     }
@@ -76,7 +81,7 @@ fn line(name: &str, fix: bool) -> Result<(), Failed> {
         for source in sources {
             let (angle, sigma) = (number(&source["angle_deg"]), number(&source["sigma_deg"]));
             let error = known.iter().map(|s| (angle_of(s) - angle).abs()).fold(f64::INFINITY, f64::min);
-            if !(error < 5.0 * sigma + 0.01) {
+            if !below(error, 5.0 * sigma + 0.01) {
                 return Err(format!("a source at {angle} deg, {error} off, sigma {sigma}").into());
             }
         }
@@ -88,7 +93,7 @@ fn line(name: &str, fix: bool) -> Result<(), Failed> {
         let error = (vector(&answer.json["fixes"][0]["ecef_m"]) - place).norm();
         println!("position {error:.2} m off");
         // Thermal noise of 0.2 s on M elements of 45 dB-Hz makes less than 3 m; the geometry three times that.
-        if !(error < 10.0) {
+        if !below(error, 10.0) {
             return Err(format!("{error} m off: {}", answer.said()).into());
         }
     }
@@ -211,7 +216,7 @@ fn four_elements_100_ms(data: &Path) -> Result<(), Failed> {
     let site = Geodetic::from_degrees(-1.292_066, 36.821_945, 1700.0).to_ecef();
     let error = (vector(&answer.json["fixes"][0]["ecef_m"]) - site).norm();
     println!("position {error:.1} m off");
-    if !(error < 20.0) || answer.said().contains("suspected") {
+    if !below(error, 20.0) || answer.said().contains("suspected") {
         return Err(format!("{error} m off; {}", answer.said()).into());
     }
     Ok(())
@@ -229,7 +234,7 @@ fn splitter(data: &Path) -> Result<(), Failed> {
         let phase = row["elements"][1]["phase_deg"].as_f64().unwrap_or(f64::NAN);
         println!("{}: {phase:.2} deg", row["sv"]);
         // The makers' list ends at the eleventh; weaker ones are noisier than a degree.
-        if k < 11 && !((phase - 98.4).abs() < 1.0) {
+        if k < 11 && !below((phase - 98.4).abs(), 1.0) {
             return Err(format!("{}: {phase} deg", row["sv"]).into());
         }
     }

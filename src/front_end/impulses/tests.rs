@@ -69,7 +69,7 @@ fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) ->
     const LEN: usize = 1 << 18;
     let mut samples = noise(law.0, law.1, real, LEN, 3);
     // The sign of the constant alternates, so that neither mean nor offset of the noise counts.
-    let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     samples.iter_mut().enumerate().for_each(|(k, z)| *z = (*z + AMPLITUDE * sign(k)) * level);
     let after = suppressed(suppression, real, &samples);
     let mean = |f: &dyn Fn(usize) -> f64| (0..LEN).map(f).sum::<f64>() / LEN as f64;
