@@ -8,8 +8,8 @@
 use super::covariance::{compress, covariance};
 use super::interference::Interference;
 use super::{
-    Bearing, CMat, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions, dictionary,
-    row_noise, row_rule, solve,
+    Bearing, CMat, Jane, JaneError, JaneOptions, Manifold, Source, SparseError, SparseOptions,
+    dictionary, row_noise, row_rule, solve,
 };
 use num_complex::{Complex32, Complex64};
 

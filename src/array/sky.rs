@@ -103,9 +103,8 @@ impl ArraySky {
         let found = self.picture.iter().flat_map(|p| &p.sources);
         found.filter(move |source| {
             let arrivals = self.satellites.iter().filter_map(|s| s.arrival.as_ref());
-            let apart = |a: &Arrival| {
-                (a.point[0] - source.point[0]).hypot(a.point[1] - source.point[1])
-            };
+            let apart =
+                |a: &Arrival| (a.point[0] - source.point[0]).hypot(a.point[1] - source.point[1]);
             let reach = 1.0 / elements + 5.0 * source.sigma[0].hypot(source.sigma[1]);
             arrivals.map(apart).all(|d| d > reach)
         })

@@ -1,7 +1,7 @@
 //! `sdr-rx experiment`: figures and tables made again.
 
-use super::experiment_lda_l11;
 use super::experiment_front_end;
+use super::experiment_lda_l11;
 use std::process::ExitCode;
 
 /// Experiments: tables, CSV and plots, with theory beside them

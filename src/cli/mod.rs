@@ -2,8 +2,8 @@
 
 mod acquire;
 mod experiment;
-mod experiment_lda_l11;
 mod experiment_front_end;
+mod experiment_lda_l11;
 mod info;
 mod input;
 mod look;

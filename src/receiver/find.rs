@@ -97,8 +97,8 @@ impl Region<'_> {
             .refine(cell, &table, span_hz)
             .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
         // Once more where the code and the carrier really are.
-        let spatial = spatial
-            .and_then(|first| self.signature(&refined.acquisition, &table).or(Some(first)));
+        let spatial =
+            spatial.and_then(|first| self.signature(&refined.acquisition, &table).or(Some(first)));
         let is_there = refined.acquisition.cn0_dbhz > cell.cn0_dbhz - CONFIRMED_DB;
         (is_there || !confirms).then_some(Found { refined, spatial })
     }

@@ -170,7 +170,8 @@ impl<'a> Input<'a> {
             let seen = |blocks: &[Block], most: usize| {
                 let mut start = Block::joined(&blocks[..1]);
                 start.truncate((JUDGED_S * self.rate_hz()) as usize);
-                let found = search(&start, self.rate_hz(), asked, most, None, &[]).unwrap_or_default();
+                let found =
+                    search(&start, self.rate_hz(), asked, most, None, &[]).unwrap_or_default();
                 found.iter().filter(|a| a.cn0_dbhz > SOUND_DBHZ).count()
             };
             shared_noise = seen(&untouched, 1) > seen(&blocks, channels);

@@ -170,8 +170,7 @@ pub fn look(
         acquire_head(&head, rate_hz, options, end, None, &mut outcome)?;
     } else {
         let survey = survey(&head.block, rate_hz, input.interference(), options)?;
-        let region =
-            Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };
+        let region = Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };
         let found = region.refine_all(&survey.cells, &options.search);
         outcome.acquisitions = found.iter().map(|f| f.refined).collect();
         outcome.warnings = survey.warnings;

@@ -1,6 +1,6 @@
 //! The sky as an antenna array sees it: as a table and as a JSON record.
 
-use crate::array::{Arrival, ArraySky, Bearing, Jammer, SatelliteArrival, Source};
+use crate::array::{ArraySky, Arrival, Bearing, Jammer, SatelliteArrival, Source};
 use crate::gnss::Sv;
 use serde::Serialize;
 use std::fmt::Write;
@@ -216,7 +216,11 @@ fn sources_text(sky: &ArraySky) -> String {
     if let Some(picture) = &sky.picture {
         for jammer in &picture.jammers {
             let from = jammer.bearing.map_or(String::new(), |b| format!(" from{} deg", angles(b)));
-            let _ = writeln!(text, "  jammer      {:.1} dB over the noise{from}, removed", jammer.power_db);
+            let _ = writeln!(
+                text,
+                "  jammer      {:.1} dB over the noise{from}, removed",
+                jammer.power_db
+            );
         }
     }
     if let Some(blind) = &sky.blind {
@@ -235,7 +239,11 @@ fn sources_text(sky: &ArraySky) -> String {
         let _ = writeln!(
             text,
             "  sources     {} by LDA-l1,1 and JANE on the covariance of {} elements, {} samples",
-            if picture.crowded { "too many to tell".to_owned() } else { picture.sources.len().to_string() },
+            if picture.crowded {
+                "too many to tell".to_owned()
+            } else {
+                picture.sources.len().to_string()
+            },
             picture.elements,
             picture.samples
         );

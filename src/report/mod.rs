@@ -29,7 +29,7 @@ pub use nmea::nmea;
 pub use rinex_nav::rinex_navigation;
 pub use rinex_obs::{observation_file_name, rinex_observations};
 pub use summary::{SkyEntry, Summary, sky};
-pub use svg::{arrival_plot, Dot, dot_plot, east_north_plot, height_plot, sky_plot};
+pub use svg::{Dot, arrival_plot, dot_plot, east_north_plot, height_plot, sky_plot};
 pub use table::{acquisition_table, fix_table, noise_line, sky_text};
 
 use crate::acquisition::Acquisition;

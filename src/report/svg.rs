@@ -1,8 +1,8 @@
 //! Plots as SVG. The drawing library is named in this file only.
 
 use super::{LinePlot, ReportError, SkyEntry, Summary};
-use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use crate::array::{ArraySky, Bearing};
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};

@@ -94,8 +94,7 @@ fn measure(setting: Setting) -> [Tally; 6] {
             let compressed = compress(&r, block.len(), 0, 1e-3).expect("samples");
             let floor = compressed.division.floor;
             let samples = block.len() as f64;
-            let b =
-                jane.decide_covariance(&r, samples, Some(floor), &[]).expect("a decision");
+            let b = jane.decide_covariance(&r, samples, Some(floor), &[]).expect("a decision");
             let look =
                 search_code_periods(&channels, RATE_HZ, 0, &CodePeriodOptions::new(elements, ms));
             let look = look.expect("a search");

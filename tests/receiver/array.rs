@@ -65,9 +65,12 @@ fn line(name: &str, fix: bool) -> Result<(), Failed> {
     }
     let angle_of = |s: &Value| number(&s["array_angle_deg"]);
     for satellite in known {
-        let row = sky["satellites"].as_array().and_then(|r| r.iter().find(|r| r["sv"] == satellite["sv"]));
+        let row = sky["satellites"]
+            .as_array()
+            .and_then(|r| r.iter().find(|r| r["sv"] == satellite["sv"]));
         let row = row.ok_or("a satellite without a direction")?;
-        let (error, sigma) = (number(&row["angle_deg"]) - angle_of(satellite), number(&row["sigma_deg"]));
+        let (error, sigma) =
+            (number(&row["angle_deg"]) - angle_of(satellite), number(&row["sigma_deg"]));
         // Five standard deviations, and what the satellite moves in 0.2 s.
         if !below(error.abs(), 5.0 * sigma + 0.01) {
             return Err(format!("{}: {error} deg off, sigma {sigma}", row["sv"]).into());
@@ -80,7 +83,8 @@ fn line(name: &str, fix: bool) -> Result<(), Failed> {
         }
         for source in sources {
             let (angle, sigma) = (number(&source["angle_deg"]), number(&source["sigma_deg"]));
-            let error = known.iter().map(|s| (angle_of(s) - angle).abs()).fold(f64::INFINITY, f64::min);
+            let error =
+                known.iter().map(|s| (angle_of(s) - angle).abs()).fold(f64::INFINITY, f64::min);
             if !below(error, 5.0 * sigma + 0.01) {
                 return Err(format!("a source at {angle} deg, {error} off, sigma {sigma}").into());
             }
