@@ -36,7 +36,8 @@ fn info() -> StreamInfo {
 }
 
 /// Post-correlation signal-to-noise ratio of one code period, dB: the power of the mean prompt over the mean
-/// power of correlations with the code shifted by 1/17, 2/17, ... of its period.
+/// variance of correlations with the code shifted by 1/9, 2/9, ... of its period (whose mean is the code's own
+/// autocorrelation).
 fn snr_db(samples: &[Complex32], code: &[f32]) -> f64 {
     const SHIFTS: usize = 8;
     let correlate = |period: &[Complex32], shift: usize| -> Complex64 {
@@ -44,14 +45,16 @@ fn snr_db(samples: &[Complex32], code: &[f32]) -> f64 {
         let sum: Complex32 = period.iter().zip(turned).map(|(z, c)| z * c).sum();
         Complex64::new(sum.re.into(), sum.im.into())
     };
-    let (mut mean, mut noise) = (Complex64::ZERO, 0.0);
+    let (mut means, mut power) = ([Complex64::ZERO; SHIFTS + 1], 0.0);
     for period in samples.chunks_exact(PERIOD) {
-        mean += correlate(period, 0) / PERIODS as f64;
-        for k in 1..=SHIFTS {
-            noise += correlate(period, k * PERIOD / (SHIFTS + 1)).norm_sqr();
+        for (k, mean) in means.iter_mut().enumerate() {
+            let prompt = correlate(period, k * PERIOD / (SHIFTS + 1));
+            *mean += prompt / PERIODS as f64;
+            power += if k > 0 { prompt.norm_sqr() / PERIODS as f64 } else { 0.0 };
         }
     }
-    10.0 * (mean.norm_sqr() / noise * (PERIODS * SHIFTS) as f64).log10()
+    let sidelobes: f64 = means[1..].iter().map(|m| m.norm_sqr()).sum();
+    10.0 * (means[0].norm_sqr() * SHIFTS as f64 / (power - sidelobes)).log10()
 }
 
 #[test]

@@ -116,12 +116,12 @@ mod tests {
     #[test]
     fn in_a_plane_rows_touch_at_sides_and_corners() {
         let grid: Vec<Point> = (0..25).map(|l| [(l / 5) as f64, (l % 5) as f64]).collect();
-        // (1,1) and (2,2) touch at a corner; (1,4) and (2,0) are successive rows of X far apart.
-        let x = estimate(25, &[(6, 1.0), (12, 1.0), (9, 2.0), (10, 1.5)]);
+        // (1,1) and (2,2) touch at a corner; (2,4) and (3,0) are successive rows of X far apart.
+        let x = estimate(25, &[(6, 1.0), (12, 1.0), (14, 2.0), (15, 1.5)]);
         let groups = row_rule(&x, &grid, 0.0);
         assert_eq!(
             groups.iter().map(|g| g.rows.clone()).collect::<Vec<_>>(),
-            [vec![9], vec![10], vec![6, 12]]
+            [vec![14], vec![15], vec![6, 12]]
         );
         assert_eq!(groups[2].point, [1.5, 1.5]);
     }

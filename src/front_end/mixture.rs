@@ -122,6 +122,10 @@ impl PowerHistogram {
             (2.0, EULER, [1.0, (PI * PI / 6.0 - 1.0).sqrt()])
         };
         let spread = [square / n / fourth - 1.0, -log / n - below];
+        // No mixture of Gaussians has less than the first: a tone, or a signal without noise, has.
+        if spread[0] < 0.0 {
+            return spread[0] / sd[0] * n.sqrt();
+        }
         (spread[0] / sd[0]).max(spread[1] / sd[1]) * n.sqrt()
     }
 }
