@@ -12,10 +12,16 @@
 //! [`Block`](capture::Block): channels x samples, planar `Complex<f32>`. Raw types, packed bits, SigMF, ION
 //! metadata and WAV are told apart; memory does not grow with the length of a file.
 //!
-//! **[`front_end`]**: the intermediate frequency is removed, the rate lowered, level and spectrum measured.
+//! **[`front_end`]**: impulses are suppressed by the law that the samples show, the intermediate frequency is
+//! removed, the rate lowered, level and spectrum measured.
+//!
+//! **[`array`](mod@array)**: the channels of an antenna array: jammers located and removed, sources counted and located
+//! by LDA-l1,1 and JANE before any code is known, the signature of each satellite, a beam to it, and the test
+//! that names signals which all come from one direction.
 //!
 //! **[`acquisition`]**: [`SearchPlan`](acquisition::SearchPlan) looks at every code phase and Doppler with a
-//! chosen false-alarm probability; [`Refiner`](acquisition::Refiner) measures what was found to the
+//! chosen false-alarm probability; [`search_code_periods`](acquisition::search_code_periods) finds most of
+//! them in a few singular vectors instead; [`Refiner`](acquisition::Refiner) measures what was found to the
 //! Cramer-Rao bound; the set of satellites tells mirrored spectra and missing samples.
 //!
 //! **[`tracking`]** on **[`correlator`]**: a [`Channel`](tracking::Channel) follows one satellite with phase,
@@ -34,6 +40,8 @@
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
 //!
 //! **[`experiment`]** makes figures and tables of papers again, with a verdict for each claim.
+//!
+//! **[`experiment`]**: figures of papers made again, with a verdict for each claim; sweeps over front ends.
 //!
 //! **[`gnss`]** lies beneath all floors: constants, time, coordinates, orbits, codes, navigation files.
 //! **[`receiver`]** wires the stages in this order and holds nothing else; **[`advice`]** names a

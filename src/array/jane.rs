@@ -4,7 +4,7 @@
 //! via joint l1,1-norms minimization", IEEE TVT 72(5), 2023) made sharp: the sparse estimate (or nothing)
 //! gives candidates, robust maximum likelihood moves them off the grid, a test with a known false-alarm
 //! probability keeps or drops each, and a scan of what is left looks for more until there is none. See
-//! [`super::robust_fit`] and [`super::scan`] for the two halves.
+//! `robust_fit` and [`super::scan`] for the two halves.
 //!
 //! Source q stays when T_q = sum_n |x_qn|^2 / var(x_qn), which is Gamma(N, 1) when there is no source, exceeds
 //! the threshold that noise exceeds anywhere on the manifold with the probability asked for; the same
