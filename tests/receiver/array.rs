@@ -16,7 +16,7 @@ pub fn trials() -> Vec<Trial> {
         Trial::test("fifty_elements_see_eight_satellites_and_the_place", || line("ula50", true)),
         Trial::test("sixteen_elements_see_six_satellites_and_the_place", || line("ula16", true)),
         Trial::test("eight_elements_see_five_satellites", || line("ula8", false)),
-        Trial::test("four_elements_see_five_satellites_by_their_code_periods", || {
+        Trial::test("four_elements_see_six_satellites_by_their_code_periods", || {
             line("ula4", false)
         }),
         Trial::test("jammers_are_located_and_removed", jammers),
