@@ -13,9 +13,9 @@ pub type CMat = Mat<Complex64>;
 /// Eigenvalues (descending) and eigenvectors (columns) of a Hermitian matrix, whose lower triangle is read;
 /// `None` where it is empty or not finite.
 pub fn hermitian_eigen(matrix: &CMat) -> Option<(Vec<f64>, CMat)> {
+    let last = matrix.nrows().checked_sub(1)?;
     let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
     let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-    let last = matrix.nrows().checked_sub(1)?;
     let values: Vec<f64> = (0..=last).map(|k| values[last - k].re).collect();
     let finite = values.iter().all(|v| v.is_finite());
     finite.then(|| (values, CMat::from_fn(last + 1, last + 1, |i, k| vectors[(i, last - k)])))
