@@ -1,8 +1,8 @@
 //! Broadcast ephemeris and what follows from it: satellite position, velocity and clock.
 
-use super::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F, SPEED_OF_LIGHT};
+use super::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F};
 use super::{GpsTime, Sv};
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::Vector3;
 
 /// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad
 /// (IS-GPS-200N 20.3.3.3 and 20.3.3.4; names of tables 20-I and 20-III).
@@ -73,7 +73,7 @@ pub struct Ephemeris {
 /// Where a satellite is and how its clock stands, at one instant of GPS time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SatelliteState {
-    /// Antenna position, m, ECEF of the instant itself (rotate for the signal's flight: [`earth_rotation`]).
+    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see [`Propagation`](super::orbit::Propagation)).
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, in the rotating ECEF frame.
     pub velocity_mps: Vector3<f64>,
@@ -152,12 +152,6 @@ fn eccentric_anomaly(mean_anomaly: f64, e: f64) -> f64 {
     ek
 }
 
-/// Rotates an ECEF vector of the instant of transmission into the ECEF frame of reception,
-/// `flight_time_s` later (the Sagnac correction; IS-GPS-200N 20.3.3.4.3.3.2).
-pub fn earth_rotation(vector: &Vector3<f64>, flight_time_s: f64) -> Vector3<f64> {
-    Rotation3::from_axis_angle(&Vector3::z_axis(), -OMEGA_EARTH * flight_time_s) * vector
-}
-
 /// Upper bounds of user range accuracy of index 0 to 14, m (IS-GPS-200N 20.3.3.3.1.3).
 const URA_BOUNDS: [f64; 15] = [
     2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0,
@@ -173,38 +167,6 @@ pub fn ura_metres(index: u8) -> f64 {
 /// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) read alike; 15 beyond.
 pub fn ura_index(metres: f64) -> u8 {
     URA_BOUNDS.iter().position(|&bound| metres <= bound).unwrap_or(15) as u8
-}
-
-/// Geometric range and its rate from a receiver to a satellite, light time and Earth rotation
-/// solved for a known instant of reception.
-#[derive(Clone, Copy, Debug)]
-pub struct Propagation {
-    /// Satellite state at the instant of transmission, position and velocity rotated into the ECEF
-    /// frame of the instant of reception.
-    pub satellite: SatelliteState,
-    /// Range in the frame of reception, m.
-    pub range_m: f64,
-    /// Time of transmission, GPS time.
-    pub transmit_time: GpsTime,
-}
-
-impl Propagation {
-    /// Light-time solution for reception at GPS time `receive_time` at `receiver_m` (ECEF, m):
-    /// fixed-point iteration, converged below 1e-7 m in three rounds as v/c < 1e-4 per round.
-    pub fn solve(ephemeris: &Ephemeris, receiver_m: &Vector3<f64>, receive_time: GpsTime) -> Self {
-        let mut flight_time = 0.075;
-        let mut result = None;
-        for _ in 0..4 {
-            let transmit_time = receive_time - flight_time;
-            let mut satellite = ephemeris.state(transmit_time);
-            satellite.position_m = earth_rotation(&satellite.position_m, flight_time);
-            satellite.velocity_mps = earth_rotation(&satellite.velocity_mps, flight_time);
-            let range_m = (satellite.position_m - receiver_m).norm();
-            flight_time = range_m / SPEED_OF_LIGHT;
-            result = Some(Self { satellite, range_m, transmit_time });
-        }
-        result.expect("the loop runs four times")
-    }
 }
 
 #[cfg(test)]
@@ -266,19 +228,5 @@ pub(crate) mod tests {
             // GPS orbits: 26 560 km and about 3.9 km/s inertial.
             assert!((at.position_m.norm() / 26.56e6 - 1.0).abs() < 0.03);
         }
-    }
-
-    #[test]
-    fn propagation_closes_the_light_time_equation() {
-        let eph = sample_ephemeris();
-        let receiver = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
-        let p = Propagation::solve(&eph, &receiver, eph.toe + 100.0);
-        let flight = (eph.toe + 100.0) - p.transmit_time;
-        assert!((flight * SPEED_OF_LIGHT - p.range_m).abs() < 1e-6);
-        // The Sagnac term equals omega/c (x_s y_r - y_s x_r) to second order.
-        let s = eph.state(p.transmit_time).position_m;
-        let sagnac = OMEGA_EARTH / SPEED_OF_LIGHT * (s.x * receiver.y - s.y * receiver.x);
-        let plain = (s - receiver).norm();
-        assert!((p.range_m - plain - sagnac).abs() < 1e-3, "{} {}", p.range_m - plain, sagnac);
     }
 }

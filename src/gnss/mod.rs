@@ -10,6 +10,8 @@ pub mod coordinates;
 pub mod ephemeris;
 pub mod lnav;
 pub mod navigation_data;
+pub mod orbit;
+pub mod precise_orbit;
 pub mod prn_code;
 pub mod rinex_nav;
 pub mod satellite;
@@ -17,6 +19,7 @@ pub mod time;
 
 pub use ephemeris::{Ephemeris, SatelliteState};
 pub use navigation_data::NavigationData;
+pub use orbit::Orbit;
 pub use satellite::{Constellation, Sv};
 pub use time::GpsTime;
 

@@ -1,7 +1,9 @@
 //! What a receiver knows of the satellites: ephemerides, ionosphere and UTC.
 
 use super::atmosphere::Klobuchar;
-use super::{Ephemeris, GpsTime, Sv};
+use super::orbit::NoOrbit;
+use super::precise_orbit::PreciseOrbit;
+use super::{Ephemeris, GpsTime, Orbit, Sv};
 use std::collections::BTreeMap;
 
 /// Parameters that relate GPS time to UTC (IS-GPS-200N 20.3.3.5.1.6).
@@ -23,11 +25,13 @@ pub struct UtcParameters {
     pub day: u8,
 }
 
-/// Everything broadcast that a position needs, from a navigation file or from the signals.
+/// Everything that a position needs of the satellites, from files or from the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationData {
     /// Ephemerides of each satellite, in the order of `t_oe`.
     ephemerides: BTreeMap<Sv, Vec<Ephemeris>>,
+    /// Precise orbits of each satellite, as of SP3 files.
+    precise: BTreeMap<Sv, PreciseOrbit>,
     /// Ionosphere model, if known.
     pub ionosphere: Option<Klobuchar>,
     /// UTC parameters, if known.
@@ -53,6 +57,31 @@ impl NavigationData {
         self.ionosphere = other.ionosphere.or(self.ionosphere);
         self.utc = other.utc.or(self.utc);
         other.ephemerides.into_values().flatten().for_each(|e| self.insert(e));
+        other.precise.into_iter().for_each(|(sv, orbit)| self.insert_precise(sv, orbit));
+    }
+
+    /// Adds a precise orbit; where one of the satellite is known, its points join that.
+    pub fn insert_precise(&mut self, sv: Sv, orbit: PreciseOrbit) {
+        self.precise.entry(sv).or_default().merge(orbit);
+    }
+
+    /// The orbit of `sv` to be used at `t`: the precise one where it reaches, else the broadcast one in
+    /// force. A satellite that the ephemeris in force calls unhealthy has none.
+    ///
+    /// # Errors
+    /// [`NoOrbit`] says why there is none.
+    pub fn orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
+        let (nearest, in_force) = (self.nearest(sv, t), self.ephemeris(sv, t));
+        if let Some(e) = in_force.filter(|e| e.health != 0) {
+            return Err(NoOrbit::Unhealthy(e.health));
+        }
+        let precise = self.precise.get(&sv).and_then(|p| p.arc(t, nearest.map(|e| e.tgd)));
+        match (precise, in_force, nearest) {
+            (Some(arc), ..) => Ok(arc.into()),
+            (None, Some(ephemeris), _) => Ok(ephemeris.into()),
+            (None, None, Some(old)) => Err(NoOrbit::Stale((t - old.toe).abs() / 3600.0)),
+            (None, None, None) => Err(NoOrbit::Unknown),
+        }
     }
 
     /// The ephemeris of `sv` whose `t_oe` is nearest to `t`, if `t` is inside its curve-fit interval.
@@ -66,17 +95,17 @@ impl NavigationData {
         self.ephemerides.get(&sv)?.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
-    /// All ephemerides, by satellite and then `t_oe`.
+    /// All broadcast ephemerides, by satellite and then `t_oe`.
     pub fn iter(&self) -> impl Iterator<Item = &Ephemeris> {
         self.ephemerides.values().flatten()
     }
 
-    /// Satellites with at least one ephemeris.
+    /// Satellites with at least one broadcast ephemeris.
     pub fn satellites(&self) -> impl Iterator<Item = Sv> {
         self.ephemerides.keys().copied()
     }
 
-    /// Whether no ephemeris is known.
+    /// Whether no broadcast ephemeris is known.
     pub fn is_empty(&self) -> bool {
         self.ephemerides.is_empty()
     }

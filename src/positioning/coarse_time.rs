@@ -82,7 +82,7 @@ impl CoarseTime<'_> {
                 .iter()
                 .map(|s| {
                     let t = self.time + state[TIME];
-                    Sight::new(s.ephemeris, &position_m, t, self.nav, &self.options.positioning)
+                    Sight::new(s.orbit, &position_m, t, self.nav, &self.options.positioning)
                 })
                 .collect();
             let mut cost = 0.0;

@@ -1,6 +1,7 @@
 //! Why no position was found.
 
 use super::aw_dgn_bt::Divergence;
+use crate::gnss::orbit::NoOrbit;
 use crate::gnss::{GpsTime, Sv};
 use std::fmt;
 
@@ -35,6 +36,16 @@ impl fmt::Display for DropReason {
             Self::BelowMask(elevation) => {
                 write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
             }
+        }
+    }
+}
+
+impl From<NoOrbit> for DropReason {
+    fn from(why: NoOrbit) -> Self {
+        match why {
+            NoOrbit::Unknown => Self::NoEphemeris,
+            NoOrbit::Stale(hours) => Self::Stale(hours),
+            NoOrbit::Unhealthy(word) => Self::Unhealthy(word),
         }
     }
 }

@@ -193,8 +193,8 @@ impl<'a> PointSolver<'a> {
             .iter()
             .map(|s| {
                 let sent = self.receive_time - s.range_m / SPEED_OF_LIGHT;
-                let clock_s = s.ephemeris.state(sent).clock_bias_s;
-                let state = s.ephemeris.state(sent - clock_s);
+                let clock_s = s.orbit.state(sent).clock_bias_s;
+                let state = s.orbit.state(sent - clock_s);
                 let satellite =
                     Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
                 (satellite, s.range_m + SPEED_OF_LIGHT * state.clock_bias_s)
@@ -215,7 +215,7 @@ impl<'a> PointSolver<'a> {
             let time = self.receive_time - state.w / SPEED_OF_LIGHT;
             let sights: Vec<Sight> = used
                 .iter()
-                .map(|s| Sight::new(s.ephemeris, &position_m, time, self.nav, self.options))
+                .map(|s| Sight::new(s.orbit, &position_m, time, self.nav, self.options))
                 .collect();
             let mut cost = 0.0;
             let mut residuals_m = Vec::with_capacity(used.len());

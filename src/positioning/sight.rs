@@ -5,16 +5,16 @@ use super::PositioningOptions;
 use super::error::DropReason;
 use crate::gnss::constants::{L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::{Geodetic, azimuth_elevation};
-use crate::gnss::ephemeris::{Propagation, ura_metres};
-use crate::gnss::{Ephemeris, GpsTime, NavigationData};
+use crate::gnss::orbit::Propagation;
+use crate::gnss::{GpsTime, NavigationData, Orbit};
 use crate::observables::Observation;
 use nalgebra::Vector3;
 
-/// An observation with the ephemeris of its satellite.
+/// An observation with the orbit of its satellite.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting<'a> {
     pub observation: &'a Observation,
-    pub ephemeris: &'a Ephemeris,
+    pub orbit: Orbit<'a>,
     /// Pseudorange, or pseudorange modulo the code period, m.
     pub range_m: f64,
 }
@@ -44,14 +44,15 @@ pub(super) struct Sight {
 
 impl Sight {
     /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t`.
-    pub fn new(
-        ephemeris: &Ephemeris,
+    pub fn new<'a>(
+        orbit: impl Into<Orbit<'a>>,
         receiver_m: &Vector3<f64>,
         t: GpsTime,
         nav: &NavigationData,
         options: &PositioningOptions,
     ) -> Self {
-        let path = Propagation::solve(ephemeris, receiver_m, t);
+        let orbit = orbit.into();
+        let path = Propagation::solve(orbit, receiver_m, t);
         let satellite = &path.satellite;
         let direction = (satellite.position_m - receiver_m) / path.range_m;
         let (azimuth, elevation) = azimuth_elevation(receiver_m, &satellite.position_m);
@@ -65,15 +66,14 @@ impl Sight {
         let ionosphere_sigma = ionosphere_m.map_or(5.0 * slant, |delay| 0.5 * delay);
         // A tenth of the troposphere covers the wet part that the standard atmosphere misses.
         let troposphere_sigma = 0.1 * troposphere_m;
-        // Index 0 stands for 2.4 m, its upper bound, where orbit and clock are good to about 1 m.
-        let orbit_sigma = ura_metres(ephemeris.ura_index) / 2.4;
         // Code multipath of a small antenna: 0.3 m at the zenith, a few metres at the horizon.
         let multipath_sigma = 0.3 / elevation.max(0.05).sin();
-        let range_sigma_m = [ionosphere_sigma, troposphere_sigma, orbit_sigma, multipath_sigma]
-            .iter()
-            .map(|s| s * s)
-            .sum::<f64>()
-            .sqrt();
+        let range_sigma_m =
+            [ionosphere_sigma, troposphere_sigma, orbit.range_sigma_m(), multipath_sigma]
+                .iter()
+                .map(|s| s * s)
+                .sum::<f64>()
+                .sqrt();
 
         let omega = Vector3::new(0.0, 0.0, OMEGA_EARTH);
         let velocity = satellite.velocity_mps;
@@ -114,7 +114,7 @@ impl Sight {
 }
 
 impl<'a> Sighting<'a> {
-    /// Pairs an observation with its ephemeris at about time `t`, or says why it cannot be used.
+    /// Pairs an observation with its satellite's orbit at about time `t`, or says why it cannot be used.
     pub fn new(
         observation: &'a Observation,
         range_m: f64,
@@ -125,14 +125,8 @@ impl<'a> Sighting<'a> {
         if !range_m.is_finite() || !positive(observation.range_sigma_m) {
             return Err(DropReason::NotANumber);
         }
-        let nearest = nav.nearest(observation.sv, t).ok_or(DropReason::NoEphemeris)?;
-        let ephemeris = nav
-            .ephemeris(observation.sv, t)
-            .ok_or(DropReason::Stale((t - nearest.toe).abs() / 3600.0))?;
-        if ephemeris.health != 0 {
-            return Err(DropReason::Unhealthy(ephemeris.health));
-        }
-        Ok(Self { observation, ephemeris, range_m })
+        let orbit = nav.orbit(observation.sv, t)?;
+        Ok(Self { observation, orbit, range_m })
     }
 
     /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
@@ -147,6 +141,7 @@ impl<'a> Sighting<'a> {
 mod tests {
     use super::super::synthetic::{Truth, navigation_data};
     use super::*;
+    use crate::gnss::Ephemeris;
 
     #[test]
     fn derivatives_of_the_rate_agree_with_differences() {

@@ -173,7 +173,7 @@ fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), 
     let (satellites, rates): (Vec<Satellite>, Vec<f64>) = set
         .iter()
         .filter_map(|s| {
-            let state = s.ephemeris.state(problem.time - FLIGHT_S);
+            let state = s.orbit.state(problem.time - FLIGHT_S);
             let satellite =
                 Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
             Some((satellite, s.range_rate()?.0 + SPEED_OF_LIGHT * state.clock_drift_sps))

@@ -4,7 +4,7 @@ use super::receiver::Trajectory;
 use crate::gnss::atmosphere::{Klobuchar, Troposphere};
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::coordinates::{Geodetic, azimuth_elevation};
-use crate::gnss::ephemeris::Propagation;
+use crate::gnss::orbit::Propagation;
 use crate::gnss::{Ephemeris, GpsTime};
 
 /// Code and carrier pseudorange by the receiver's clock, m: c times (clock reading of reception minus

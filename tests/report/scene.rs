@@ -6,7 +6,7 @@ use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::gnss::constants::{L1_HZ, L1_WAVELENGTH, SPEED_OF_LIGHT};
 use sdr_rx::gnss::coordinates::azimuth_elevation;
-use sdr_rx::gnss::ephemeris::Propagation;
+use sdr_rx::gnss::orbit::Propagation;
 use sdr_rx::gnss::{GpsTime, NavigationData, Sv, rinex_nav};
 use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::positioning::{Fix, FixMethod, Residual};
