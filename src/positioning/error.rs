@@ -135,7 +135,7 @@ pub enum PositioningError {
     },
     /// Several places explain the code phases of a snapshot.
     #[error(
-        "two places {:.1} km apart explain the {satellites} code phases equally well: more satellites or a longer capture decide",
+        "two places {:.1} km and {apart_s:.0} s apart explain the {satellites} code phases equally well: more satellites, a longer capture or a better known time decide",
         distance_m / 1e3
     )]
     Ambiguous {
@@ -143,6 +143,23 @@ pub enum PositioningError {
         satellites: usize,
         /// Distance between the two best places, m.
         distance_m: f64,
+        /// Time between them, s.
+        apart_s: f64,
+    },
+    /// A place and time explain the measurements, but so might false ones by chance.
+    #[error(
+        "the best of {hypotheses} places and times in {:.1} h explains the {satellites} code phases, but {expected:.1e} false ones that do so are to be expected: more satellites, a longer capture or a better known time would prove it",
+        searched_s / 3600.0
+    )]
+    Unproved {
+        /// Satellites used.
+        satellites: usize,
+        /// Time searched, s.
+        searched_s: f64,
+        /// Places and times that explain the Dopplers.
+        hypotheses: usize,
+        /// Expected number of false solutions.
+        expected: f64,
     },
 }
 
