@@ -15,13 +15,15 @@
 
 use super::coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
 use super::code_phases::Prediction;
-use super::doppler_time::{Minimum, minima};
+use super::doppler_time::{DopplerState, Minimum, minima};
 use super::error::{DropReason, Dropped, PositioningError};
 use super::sight::Sighting;
 use super::snapshot::{Found, NEEDED, finish, limit};
 use super::{Fix, SnapshotOptions, TimeSearch};
+use crate::gnss::constants::OMEGA_EARTH;
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::observables::{CodeRange, ObservationEpoch};
+use nalgebra::Vector3;
 
 /// Half a cell of time, s, and how far beyond its edges its minima may lie.
 const HALF_CELL_S: f64 = 1800.0;
@@ -42,6 +44,18 @@ const DISTINCT_COST: f64 = 40.0;
 const MOST_FALSE: f64 = 1e-3;
 /// With this many satellites one that is false can be told from the others.
 const NEEDED_AFTER_EXCLUSION: usize = 7;
+
+/// Half a sidereal day, s, in which GPS satellites go round once; how many either way are thought of: a week;
+/// how far a satellite's range is from repeating after one, m.
+const ALIAS_S: f64 = std::f64::consts::PI / OMEGA_EARTH;
+const MOST_ALIASES: i32 = 14;
+const ALIAS_SPREAD_M: f64 = 500.0;
+
+/// The times at which a snapshot of `time` has its aliases, with the number of half sidereal days between.
+fn aliases(time: GpsTime) -> impl Iterator<Item = (i32, GpsTime)> {
+    let all = (-MOST_ALIASES..=MOST_ALIASES).filter(|k| *k != 0);
+    all.map(move |k| (k, time + f64::from(k) * ALIAS_S))
+}
 
 /// A place and time that explain the Dopplers, with the satellites whose ephemerides are in force then.
 struct Hypothesis<'a> {
@@ -64,6 +78,18 @@ struct Search<'a> {
     candidates: Vec<Candidate>,
 }
 
+impl Search<'_> {
+    fn sort(&mut self) {
+        self.candidates.sort_by(|a, b| a.found.fix.cost.total_cmp(&b.found.fix.cost));
+    }
+
+    /// Position (m, ECEF) and time of a candidate.
+    fn place(&self, candidate: &Candidate) -> (Vector3<f64>, GpsTime) {
+        let fix = &candidate.found.fix;
+        (fix.position_m(), self.hypotheses[candidate.hypothesis].time + fix.state[TIME])
+    }
+}
+
 /// See [`super::solve_snapshot`].
 pub(super) fn solve_blind(
     epoch: &ObservationEpoch,
@@ -80,7 +106,7 @@ pub(super) fn solve_blind(
         let search = window.search(excluded);
         match window.judge(&search, &mut false_ones) {
             Ok(best) => return window.fix(epoch, &search, best, excluded, false_ones),
-            Err(cause @ PositioningError::Unexplained { .. }) => {
+            Err(cause @ PositioningError::TimeNotFound { .. }) => {
                 error.get_or_insert(cause);
             }
             Err(cause) => return Err(cause),
@@ -94,6 +120,8 @@ struct Window<'a> {
     epoch: &'a ObservationEpoch,
     nav: &'a NavigationData,
     options: SnapshotOptions,
+    /// What the user allows, and what of it ephemerides cover.
+    asked: (GpsTime, GpsTime),
     from: GpsTime,
     to: GpsTime,
     /// Centres of the cells with enough ephemerides, and half their length.
@@ -115,9 +143,10 @@ impl<'a> Window<'a> {
             (e.toe - e.half_fit_interval(), e.toe + e.half_fit_interval())
         };
         let of_these = || nav.iter().filter(|e| epoch.observations.iter().any(|o| o.sv == e.sv));
-        let mut from = epoch.receive_time - asked_s.min(1e9);
-        let mut to = epoch.receive_time + asked_s.min(1e9);
-        let asked = to - from;
+        // A GPS time holds no infinity: thirty years are no knowledge.
+        let half_s = asked_s.min(1e9);
+        let (mut from, mut to) = (epoch.receive_time - half_s, epoch.receive_time + half_s);
+        let asked = (from, to);
         if let Some(e) = of_these().map(covered).reduce(|a, b| (min(a.0, b.0), max(a.1, b.1))) {
             (from, to) = (max(from, e.0), min(to, e.1));
         }
@@ -125,6 +154,7 @@ impl<'a> Window<'a> {
             epoch,
             nav,
             options: SnapshotOptions { time_uncertainty_s: FREE_TIME_S, ..*options },
+            asked,
             from,
             to,
             cells: Vec::new(),
@@ -142,7 +172,7 @@ impl<'a> Window<'a> {
                 window.cells.push(centre);
             }
         }
-        window.left_out_s = asked - window.searched_s();
+        window.left_out_s = 2.0 * asked_s - window.searched_s();
         if window.cells.is_empty() {
             let (_, dropped) = window.sightings(epoch.receive_time, None);
             let usable = window.most_satellites;
@@ -191,8 +221,34 @@ impl<'a> Window<'a> {
             let found = self.code_phases(hypothesis).into_iter();
             candidates.extend(found.map(|found| Candidate { hypothesis: index, found }));
         }
-        candidates.sort_by(|a, b| a.found.fix.cost.total_cmp(&b.found.fix.cost));
-        Search { hypotheses, candidates }
+        let mut search = Search { hypotheses, candidates };
+        search.sort();
+        self.add_aliases(&mut search, excluded);
+        search
+    }
+
+    /// Looks where the best candidate has its aliases, for what the starts may have missed.
+    fn add_aliases(&self, search: &mut Search<'a>, excluded: Option<Sv>) {
+        let Some((at, time)) = search.candidates.first().map(|c| search.place(c)) else { return };
+        let drift = search.candidates[0].found.fix.state[DRIFT];
+        for (k, time) in aliases(time).filter(|(_, t)| self.is_searched(*t)) {
+            let turn = if k % 2 == 0 { 1.0 } else { -1.0 };
+            let state = DopplerState::new(turn * at.x, turn * at.y, at.z, drift, 0.0);
+            let minimum = Minimum { state, iterations: 0 };
+            let Some(hypothesis) = self.hypothesis(time, &minimum, excluded) else { continue };
+            if search.hypotheses.iter().any(|h| h.is(&hypothesis)) {
+                continue;
+            }
+            let index = search.hypotheses.len();
+            let found = self.code_phases(&hypothesis).into_iter();
+            search.candidates.extend(found.map(|found| Candidate { hypothesis: index, found }));
+            search.hypotheses.push(hypothesis);
+        }
+        search.sort();
+    }
+
+    fn is_searched(&self, time: GpsTime) -> bool {
+        self.cells.iter().any(|cell| (time - *cell).abs() <= self.half_s)
     }
 
     /// A minimum under the full model, with the ephemerides of its own time, if it passes there.
@@ -259,24 +315,32 @@ impl<'a> Window<'a> {
             let what = if hypotheses == 0 { "Dopplers" } else { "code phases" };
             return Err(self.unexplained(what, hypotheses));
         };
-        let place = |c: &Candidate| {
-            let time = search.hypotheses[c.hypothesis].time + c.found.fix.state[TIME];
-            (c.found.fix.position_m(), time)
-        };
-        let at = place(best);
+        let at = search.place(best);
         let contests = |c: &&Candidate| {
-            let (position_m, time) = place(c);
+            let (position_m, time) = search.place(c);
             ((position_m - at.0).norm() > ONE_PLACE_M || (time - at.1).abs() > ONE_TIME_S)
                 && c.found.fix.cost < cost + DISTINCT_COST
         };
         if let Some(other) = search.candidates.iter().find(contests) {
-            let (position_m, time) = place(other);
+            let (position_m, time) = search.place(other);
             return Err(PositioningError::Ambiguous {
                 satellites: best.found.integers.len(),
                 distance_m: (position_m - at.0).norm(),
                 apart_s: (time - at.1).abs(),
             });
         }
+        let hypothesis = &search.hypotheses[best.hypothesis];
+        let prediction = Prediction::new(&hypothesis.set, &hypothesis.region);
+        let unseen = |(_, t): &(i32, GpsTime)| {
+            *t >= self.asked.0 && *t <= self.asked.1 && !self.is_searched(*t)
+        };
+        *false_ones += aliases(at.1)
+            .filter(unseen)
+            .map(|(k, _)| {
+                let spread_m = f64::from(k.abs()) * ALIAS_SPREAD_M;
+                prediction.chance_of_alias(cost - hypothesis.region.cost, spread_m)
+            })
+            .sum::<f64>();
         if *false_ones > MOST_FALSE {
             return Err(PositioningError::Unproved {
                 satellites: best.found.integers.len(),
@@ -289,12 +353,14 @@ impl<'a> Window<'a> {
     }
 
     fn unexplained(&self, what: &'static str, hypotheses: usize) -> PositioningError {
-        let _ = hypotheses;
-        PositioningError::Unexplained {
+        PositioningError::TimeNotFound {
             what,
             satellites: self.most_satellites,
-            time: self.from + (self.to - self.from) / 2.0,
-            uncertainty_s: (self.to - self.from) / 2.0,
+            from: self.from,
+            to: self.to,
+            searched_s: self.searched_s(),
+            left_out_s: self.left_out_s,
+            hypotheses,
         }
     }
 
@@ -332,11 +398,7 @@ impl Hypothesis<'_> {
 
     /// Bound on the probability that code phases of nothing give a joint cost of at most `cost` here.
     fn chance(&self, cost: f64) -> f64 {
-        let left = cost - self.region.cost;
-        if left <= 0.0 {
-            return 0.0;
-        }
-        Prediction::new(&self.set, &self.region).log_chance(left).exp().min(1.0)
+        Prediction::new(&self.set, &self.region).chance(cost - self.region.cost)
     }
 }
 

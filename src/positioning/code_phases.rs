@@ -21,6 +21,14 @@
 //!
 //! whatever the number of integers tried: ellipsoids about different lattice points can only overlap. A
 //! search over hypotheses adds these numbers up (union bound).
+//!
+//! An alias is nearer: half a sidereal day later, with the longitude turned by 180 degrees, the ranges are
+//! the same but for what the orbits do not repeat, which is some `s` per satellite. With differences drawn
+//! from N(0, M + s^2 (I + 1 1')), whose density is nowhere above that at 0,
+//!
+//! ```text
+//! P(alias passes) <= V_n R^n sqrt(det M) / sqrt((2 pi)^n det(M + s^2 (I + 1 1')))
+//! ```
 
 use super::coarse_time::{CODE_PERIOD_M, CoarseFix, TIME};
 use super::sight::Sighting;
@@ -79,13 +87,28 @@ impl Prediction {
         Self { reference, others, z, covariance, curvature_m, bias_m }
     }
 
-    /// Logarithm of the bound on the probability that code phases of nothing add no more than `cost`.
-    pub fn log_chance(&self, cost: f64) -> f64 {
+    /// Bound on the probability that code phases of nothing add no more than `cost`.
+    pub fn chance(&self, cost: f64) -> f64 {
+        self.density(cost, self.others.len() as f64 * CODE_PERIOD_M.ln())
+    }
+
+    /// Bound on the probability that those of another place and time do, from where the ranges differ by
+    /// `spread_m` for each satellite.
+    pub fn chance_of_alias(&self, cost: f64, spread_m: f64) -> f64 {
+        let mut covariance = self.covariance.clone();
+        covariance.add_scalar_mut(spread_m * spread_m);
+        for k in 0..self.others.len() {
+            covariance[(k, k)] += spread_m * spread_m;
+        }
+        let log_circle = self.others.len() as f64 * std::f64::consts::TAU.ln() / 2.0;
+        self.density(cost, log_circle + half_log_det(covariance))
+    }
+
+    /// Volume of the ellipsoid `Q <= cost` over a volume given by its logarithm.
+    fn density(&self, cost: f64, log_volume: f64) -> f64 {
         let n = self.others.len();
-        let (_, _, pivots) = factor(self.covariance.clone());
-        let half_log_det = pivots.iter().map(|d| d.ln()).sum::<f64>() / 2.0;
-        let n = n as f64;
-        log_ball(self.others.len()) + n / 2.0 * cost.ln() + half_log_det - n * CODE_PERIOD_M.ln()
+        let radius = n as f64 / 2.0 * cost.max(0.0).ln();
+        (log_ball(n) + radius + half_log_det(self.covariance.clone()) - log_volume).exp().min(1.0)
     }
 
     /// Whole periods of each satellite of the set (0 for the reference) that add at most `cost`, the
@@ -129,6 +152,11 @@ fn log_ball(n: usize) -> f64 {
         1 => 2f64.ln(),
         _ => log_ball(n - 2) + (std::f64::consts::TAU / n as f64).ln(),
     }
+}
+
+/// `ln sqrt(det M)`.
+fn half_log_det(m: DMatrix<f64>) -> f64 {
+    factor(m).2.iter().map(|d| d.ln()).sum::<f64>() / 2.0
 }
 
 /// `M = L D L'` with the smallest pivot first: order of the rows, unit lower `L`, diagonal of `D`.

@@ -21,6 +21,8 @@ struct Class {
     code_sigma_m: f64,
     /// Length of the navigation data, h.
     hours: u32,
+    /// Hours of the week in which the snapshots are taken.
+    taken: (f64, f64),
     /// How far the time may be off, s; infinite for no time at all.
     uncertainty_s: f64,
 }
@@ -35,7 +37,7 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
     let base = Truth::at_rest();
     let week = GpsTime::from_week_tow(base.time.week(), 0.0);
     let truth = Truth {
-        time: week + rng.random_range(0.0..f64::from(class.hours) * 3600.0),
+        time: week + 3600.0 * rng.random_range(class.taken.0..class.taken.1),
         position_m: place.to_ecef(),
         bias_s: rng.random_range(-5e-4..5e-4),
         drift_sps: rng.random_range(-3e-6..3e-6),
@@ -87,11 +89,12 @@ struct Tally {
 
 fn tally(class: Class, runs: u64) -> Tally {
     let nav = navigation_data_of_hours(class.hours);
+    let sky = navigation_data_of_hours(class.hours.max(class.taken.1 as u32));
     let options =
         SnapshotOptions { time_uncertainty_s: class.uncertainty_s, ..SnapshotOptions::default() };
     let results: Vec<_> = (0..runs)
         .into_par_iter()
-        .filter_map(|seed| Some((seed, draw(&class, &nav, seed)?)))
+        .filter_map(|seed| Some((seed, draw(&class, &sky, seed)?)))
         .map(|(seed, (truth, epoch))| {
             let start = std::time::Instant::now();
             let fix = solve_snapshot(&epoch, &nav, &options);
@@ -122,7 +125,7 @@ fn tally(class: Class, runs: u64) -> Tally {
             }
             Err(PositioningError::Unproved { .. }) => tally.unproved += 1,
             Err(PositioningError::Ambiguous { .. }) => tally.ambiguous += 1,
-            Err(PositioningError::Unexplained { .. }) => {
+            Err(PositioningError::TimeNotFound { .. }) => {
                 if std::env::var_os("SHOW").is_some() {
                     println!("unexplained: seed {seed}");
                 }
@@ -156,11 +159,70 @@ fn table() {
                     doppler_sigma_hz,
                     code_sigma_m: 15.0,
                     hours: hours as u32,
+                    taken: (
+                        env("FROM", "0").parse().unwrap(),
+                        env("TO", &hours.to_string()).parse().unwrap(),
+                    ),
                     uncertainty_s: env("U", "inf").parse().unwrap(),
                 };
                 let t = tally(class, runs);
                 println!("{hours} h {doppler_sigma_hz} Hz m={satellites}: {t:?}");
             }
         }
+    }
+}
+
+/// How far the ranges of the real sky are from repeating.
+#[test]
+#[ignore = "data"]
+fn alias_spread() {
+    let nav = crate::gnss::rinex_nav::read("/work/shared/nav/brdc0010.22n").unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut all = Vec::new();
+    for k in [1, 2] {
+        let mut rms = Vec::new();
+        for _ in 0..200 {
+            let latitude = rng.random_range(-0.98f64..0.98).asin();
+            let longitude: f64 = rng.random_range(-180.0..180.0);
+            let place = Geodetic::from_degrees(latitude.to_degrees(), longitude, 0.0).to_ecef();
+            let t0 = GpsTime::from_week_tow(2190, 518_400.0);
+            let t = t0 + rng.random_range(0.0..(86400.0 - 43082.0 * f64::from(k)));
+            let turned = if k == 1 { Vector3::new(-place.x, -place.y, place.z) } else { place };
+            let t2 = t + f64::from(k) * ALIAS_S;
+            let mut system = super::super::least_squares::LeastSquares::<5>::default();
+            let mut rows = Vec::new();
+            let options = PositioningOptions::default();
+            for sv in nav.satellites() {
+                let (Some(a), Some(b)) = (nav.ephemeris(sv, t), nav.ephemeris(sv, t2)) else {
+                    continue;
+                };
+                let a = super::super::sight::Sight::new(a, &place, t, &nav, &options);
+                let b = super::super::sight::Sight::new(b, &turned, t2, &nav, &options);
+                if a.elevation < 0.1 {
+                    continue;
+                }
+                let g = -b.direction;
+                let rate = b.range_rate(&Vector3::zeros(), 0.0);
+                let row = DopplerState::new(g.x, g.y, g.z, 1.0, rate);
+                system.push(&row, a.range_m - b.range_m);
+                rows.push((row, a.range_m - b.range_m));
+            }
+            if rows.len() < 7 {
+                continue;
+            }
+            let n = rows.len();
+            let x = system.solve().unwrap().x;
+            let cost: f64 = rows.iter().map(|(r, y)| (y - r.dot(&x)).powi(2)).sum();
+            rms.push((cost / (n - 5) as f64).sqrt());
+        }
+        rms.sort_by(f64::total_cmp);
+        let n = rms.len();
+        println!(
+            "k {k}: n {n} rms p5 {:.0} median {:.0} p95 {:.0}",
+            rms[n / 20],
+            rms[n / 2],
+            rms[n * 19 / 20]
+        );
+        all.push(rms);
     }
 }
