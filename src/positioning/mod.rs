@@ -4,7 +4,10 @@
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
 pub mod aw_dgn_bt;
+mod blind;
 mod coarse_time;
+mod code_phases;
+mod doppler_time;
 mod error;
 mod fix;
 pub mod least_squares;
@@ -26,7 +29,7 @@ pub mod variable_projection;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};
-pub use fix::{Fix, FixMethod, Residual};
+pub use fix::{Fix, FixMethod, Residual, TimeSearch};
 pub use options::{PositioningOptions, SnapshotOptions};
 pub use point::solve_epoch;
 pub use snapshot::solve_snapshot;

@@ -76,6 +76,7 @@ pub fn solve_epoch(
         residuals,
         excluded,
         method: FixMethod::Tracking,
+        time_search: None,
         solver: "aw-dgn-bt",
         iterations: point.iterations,
     })
