@@ -1,0 +1,13 @@
+//! The noise of a receiver that does not state it, from its C/N0.
+
+/// C/N0 that is assumed where a file does not state it, dB-Hz: a satellite at middle elevation.
+const TYPICAL_CN0_DBHZ: f64 = 42.0;
+
+/// Standard deviations of code (m) and Doppler (Hz) of a common receiver at `cn0_dbhz`, or at a typical
+/// value where none is known: 0.5 m and 0.1 Hz at 45 dB-Hz, as a code loop of 1 Hz with narrow
+/// correlators (0.1 chips) and a phase loop of 15 Hz have them (Kaplan and Hegarty 2017, 8.9), both
+/// growing as the noise does, by 10 every 20 dB.
+pub fn typical_noise(cn0_dbhz: Option<f64>) -> (f64, f64) {
+    let noise = 10f64.powf((45.0 - cn0_dbhz.unwrap_or(TYPICAL_CN0_DBHZ)) / 20.0);
+    (0.5 * noise, 0.1 * noise)
+}
