@@ -5,10 +5,9 @@
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{DMatrix, DVector, Vector3, Vector4};
-use sdr_rx::positioning::aw_dgn_bt::{
-    Doppler, ObservationModel, Pseudorange, Satellite, aw_dgn_bt,
-};
+use sdr_rx::positioning::aw_dgn_bt::aw_dgn_bt;
 use sdr_rx::positioning::least_squares::LeastSquares;
+use sdr_rx::positioning::model::{Doppler, ObservationModel, Pseudorange, Satellite};
 use std::hint::black_box;
 
 /// Walker 24/3/1 at 56 deg and 29 600 km (Galileo-like), Earth-fixed, `t` s after it was aligned.

@@ -6,7 +6,8 @@
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
 use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
-use sdr_rx::positioning::aw_dgn_bt::{Pseudorange, Satellite, aw_dgn_bt};
+use sdr_rx::positioning::aw_dgn_bt::aw_dgn_bt;
+use sdr_rx::positioning::model::{Pseudorange, Satellite};
 use sdr_rx::positioning::{PositioningOptions, solve_epoch};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::error::Error;
@@ -28,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .unzip();
     let bare = aw_dgn_bt::<Pseudorange>(&satellites, &ranges)?;
-    println!("bare: {} iterations, off by {:.1e} m", bare.iterations, error_m(&bare.position_m));
+    println!("bare: {} iterations, off by {:.1e} m", bare.iterations, error_m(&bare.state.position_m));
 
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
     let observation = |s: &sdr_rx::scenario::SatelliteTruth| Observation {
@@ -50,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let speed = fix.velocity_mps.map_or(f64::NAN, |v| v.norm());
     println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
     println!("      {speed:.3} m/s, clock {:+.3} us", fix.clock_bias_s * 1e6);
-    if error_m(&bare.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
+    if error_m(&bare.state.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
         return Err("noise-free observations must give the place".into());
     }
     Ok(())

@@ -35,62 +35,12 @@
 //!   `kmax` = 100. A count of iterations is one of linearisations, the last included.
 //! - Linear systems are solved by orthogonalisation, unweighted.
 
-use super::least_squares::{LeastSquares, MAX_ROWS};
+pub use super::model::{Doppler, ObservationModel, Pseudorange, Satellite};
+use super::observations::{Observations, Observed};
+use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
+use super::system::{Clocks, MAX_ROWS, System, unseen};
 use crate::gnss::constants::EARTH_RADIUS;
-use nalgebra::{Vector3, Vector4};
-
-/// A satellite, as the geometry needs it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Satellite {
-    /// Position, m, ECEF.
-    pub position_m: Vector3<f64>,
-    /// Velocity, m/s, ECEF.
-    pub velocity_mps: Vector3<f64>,
-}
-
-/// What an observation is expected to be, but for the receiver's clock, which adds the same to all.
-pub trait ObservationModel {
-    /// Prediction for a receiver at rest at `receiver_m` (ECEF).
-    fn predict(satellite: &Satellite, receiver_m: &Vector3<f64>) -> f64;
-
-    /// Prediction and its gradient by the receiver's position.
-    fn linearise(satellite: &Satellite, receiver_m: &Vector3<f64>) -> (f64, Vector3<f64>);
-}
-
-/// Pseudorange, m: `h = |s - r| + b`.
-#[derive(Clone, Copy, Debug)]
-pub struct Pseudorange;
-
-/// Doppler as range rate, m/s: `h = u . v + d` with the unit vector u from receiver to satellite.
-#[derive(Clone, Copy, Debug)]
-pub struct Doppler;
-
-impl ObservationModel for Pseudorange {
-    fn predict(satellite: &Satellite, receiver_m: &Vector3<f64>) -> f64 {
-        (satellite.position_m - receiver_m).norm()
-    }
-
-    fn linearise(satellite: &Satellite, receiver_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        let los = satellite.position_m - receiver_m;
-        let range = los.norm();
-        (range, -los / range)
-    }
-}
-
-impl ObservationModel for Doppler {
-    fn predict(satellite: &Satellite, receiver_m: &Vector3<f64>) -> f64 {
-        let los = satellite.position_m - receiver_m;
-        los.dot(&satellite.velocity_mps) / los.norm()
-    }
-
-    fn linearise(satellite: &Satellite, receiver_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        let los = satellite.position_m - receiver_m;
-        let inverse_range = 1.0 / los.norm();
-        let u = los * inverse_range;
-        let rate = u.dot(&satellite.velocity_mps);
-        (rate, (u * rate - satellite.velocity_mps) * inverse_range)
-    }
-}
+use nalgebra::Vector3;
 
 /// How steps are damped: which algorithm of the paper this is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,143 +78,113 @@ impl Damping {
     }
 }
 
-/// One accepted step of the iteration.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
-    /// Damping of the step, `mu`.
-    pub mu: f64,
-    /// Length of the applied step `|mu dx|`, m (clock term included).
-    pub length: f64,
-    /// Sum of squared residuals before the step, m^2 or (m/s)^2.
-    pub objective_before: f64,
-    /// State after the step: position, m ECEF, and clock term, m or m/s.
-    pub state: Vector4<f64>,
-}
-
-/// A converged iteration.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Converged {
-    /// Position, m, ECEF.
-    pub position_m: Vector3<f64>,
-    /// Receiver clock term: bias, m, for pseudoranges; drift, m/s, for Dopplers.
-    pub clock: f64,
-    /// Sum of squared residuals of the last linearisation, m^2 or (m/s)^2.
-    pub objective: f64,
-    /// Number of linearisations.
-    pub iterations: usize,
-}
-
-/// Why an iteration did not converge.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Divergence {
-    /// Too few or too many observations for the solver.
-    #[error("{0} observations given, from 4 to {MAX_ROWS} can be solved")]
-    Observations(usize),
-    /// The linear system has no unique solution.
-    #[error(
-        "the geometry at iteration {iterations} is singular: the lines of sight are not independent"
-    )]
-    Singular {
-        /// State, m ECEF and clock term, at which this was found.
-        state: Vector4<f64>,
-        /// Linearisations so far.
-        iterations: usize,
-    },
-    /// No damping down to `eta` gives an allowed step.
-    #[error("no allowed step reduces the residuals after {iterations} iterations")]
-    Jammed {
-        /// Last accepted state, m ECEF and clock term.
-        state: Vector4<f64>,
-        /// Linearisations so far.
-        iterations: usize,
-    },
-    /// `kmax` linearisations did not suffice.
-    #[error("no convergence in {iterations} iterations")]
-    TooSlow {
-        /// Last accepted state, m ECEF and clock term.
-        state: Vector4<f64>,
-        /// Linearisations done.
-        iterations: usize,
-    },
-}
-
 const EPS: f64 = 1e-5;
 const TAU: f64 = 1e-8;
 const ETA: f64 = 1e-6;
-const FLOOR: f64 = 1e-13;
 const K_MAX: usize = 100;
+/// Farther from the Earth's centre, m, nothing that is solved here can be.
+const FAR: f64 = 1e9;
 
 /// AW-DGN-BT from the Earth's centre: observation `i` of `observed` (m or m/s) is of `satellites[i]`.
 /// Allocates nothing.
 pub fn aw_dgn_bt<M: ObservationModel>(
     satellites: &[Satellite],
     observed: &[f64],
-) -> Result<Converged, Divergence> {
-    iterate::<M>(satellites, observed, &Damping::AW_DGN_BT, Vector4::zeros(), |_| ())
+) -> Result<Solution, Failure> {
+    iterate(&Observed::<M>::new(satellites, observed), &Damping::AW_DGN_BT, &State::CENTRE, |_| ())
 }
 
-/// The iteration of the module's head from the state `start` (m ECEF and clock term), under any of
-/// the paper's dampings; `trace` sees each accepted step. Surplus satellites or observations, when
-/// one list is longer, are not used.
-pub fn iterate<M: ObservationModel>(
-    satellites: &[Satellite],
-    observed: &[f64],
+/// The iteration of the module's head from the place `start`, under any of the paper's dampings; clock
+/// terms that `start` does not give are 0. `trace` sees each accepted step. Allocates nothing.
+pub fn iterate<O: Observations>(
+    observations: &O,
     damping: &Damping,
-    start: Vector4<f64>,
-    mut trace: impl FnMut(&Step),
-) -> Result<Converged, Divergence> {
-    let n = satellites.len().min(observed.len());
-    if !(4..=MAX_ROWS).contains(&n) {
-        return Err(Divergence::Observations(n));
+    start: &State,
+    trace: impl FnMut(&Step),
+) -> Result<Solution, Failure> {
+    match observations.rows().iter().sum() {
+        0..=16 => run::<O, 16>(observations, damping, start, trace),
+        17..=64 => run::<O, 64>(observations, damping, start, trace),
+        _ => run::<O, MAX_ROWS>(observations, damping, start, trace),
     }
-    let pairs = || satellites.iter().zip(observed);
-    let objective = |x: &Vector4<f64>| -> f64 {
-        let r = x.xyz();
-        pairs().map(|(s, y)| (y - M::predict(s, &r) - x.w).powi(2)).sum()
-    };
-    let mut system = LeastSquares::<4>::default();
-    let mut state = start;
+}
+
+fn run<O: Observations, const N: usize>(
+    observations: &O,
+    damping: &Damping,
+    start: &State,
+    mut trace: impl FnMut(&Step),
+) -> Result<Solution, Failure> {
+    let mut system = System::<O, N>::new(observations)?;
+    let (mut seen, mut seen_next) = (unseen::<N>(), unseen::<N>());
+    let (mut here, mut there) = (&mut seen, &mut seen_next);
+    let (mut right, mut right_next) = ([0.0; N], [0.0; N]);
+    let mut position: Vector3<f64> = start.position_m;
+    let mut clocks: Clocks = [start.bias_m.unwrap_or(0.0), start.drift_mps.unwrap_or(0.0)];
     let mut mu = damping.initial;
+    system.see(&position, here);
+    let mut phi = system.residuals(here, &clocks, &mut right);
     for iterations in 1..=K_MAX {
-        let position = state.xyz();
-        let mut phi = 0.0;
-        for (satellite, y) in pairs() {
-            let (h, gradient) = M::linearise(satellite, &position);
-            let e = y - h - state.w;
-            phi += e * e;
-            system.push(&gradient.push(1.0), e);
-        }
-        let Some(solution) = system.solve() else {
-            return Err(Divergence::Singular { state, iterations });
+        let state = system.state(position, clocks);
+        let (dx, dc) = match system.factor(here) {
+            Some(()) => system.step(&mut right),
+            None => return Err(system.diagnose(here, state, iterations)),
         };
+        if !dx.iter().chain(&dc).all(|v| v.is_finite()) {
+            return Err(system.diagnose(here, state, iterations));
+        }
         if iterations > 1 {
             mu = if damping.restart { 1.0 } else { (2.0 * mu).min(1.0) };
         }
-        let allowed = |x: &Vector4<f64>| {
-            !damping.descent
-                || (x.xyz().norm() < damping.wall_m && objective(x) <= (1.0 + TAU) * phi + FLOOR)
-        };
-        let mut next = state + mu * solution.x;
-        while !allowed(&next) {
+        let first = mu;
+        let (mut wall, mut cost) = (0, 0);
+        let phi_next = loop {
+            let next = position + mu * dx;
+            // Also where the step leads beyond all numbers.
+            let blocked = damping.descent && !(next.norm() < damping.wall_m);
+            if !blocked {
+                let clocks_next = [clocks[0] + mu * dc[0], clocks[1] + mu * dc[1]];
+                system.see(&next, there);
+                let phi_next = system.residuals(there, &clocks_next, &mut right_next);
+                if !damping.descent || phi_next <= (1.0 + TAU) * phi + system.floor {
+                    (position, clocks) = (next, clocks_next);
+                    break phi_next;
+                }
+            }
+            *(if blocked { &mut wall } else { &mut cost }) += 1;
             mu /= 2.0;
             if mu < ETA {
-                return Err(Divergence::Jammed { state, iterations });
+                return Err(Failure::Jammed { state, iterations, wall: blocked });
             }
-            next = state + mu * solution.x;
-        }
-        state = next;
-        let length = mu * solution.x.norm();
-        trace(&Step { mu, length, objective_before: phi, state });
+        };
+        std::mem::swap(&mut here, &mut there);
+        std::mem::swap(&mut right, &mut right_next);
+        let length = mu * (dx.norm_squared() + dc[0] * dc[0] + dc[1] * dc[1]).sqrt();
+        let state = system.state(position, clocks);
+        let damped = Damped::by(first, wall, cost);
+        let (objective_before, objective_after) = (phi, phi_next);
+        trace(&Step { start: 0, mu, length, objective_before, objective_after, state, damped });
+        phi = phi_next;
         if length < EPS {
-            return Ok(Converged {
-                position_m: state.xyz(),
-                clock: state.w,
-                objective: phi,
+            if position.norm() > FAR {
+                return Err(Failure::Diverged { state, iterations });
+            }
+            if let Some(row) = system.coincident(here) {
+                return Err(Failure::Coincident { row });
+            }
+            return Ok(Solution {
+                state,
+                cost: phi,
+                covariance: system.covariance(),
                 iterations,
+                search_iterations: 0,
+                restarts: 0,
+                alternatives: Alternatives::default(),
+                ambiguity: Ambiguity::Unverified,
             });
         }
     }
-    Err(Divergence::TooSlow { state, iterations: K_MAX })
+    Err(Failure::TooSlow { state: system.state(position, clocks), iterations: K_MAX })
 }
 
 #[cfg(test)]
@@ -290,43 +210,25 @@ mod tests {
         let observed: Vec<f64> = satellites.iter().map(|s| M::predict(s, &truth) + clock).collect();
         let fix = aw_dgn_bt::<M>(&satellites, &observed).unwrap();
         // The last step was below 1e-5, and convergence is quadratic.
-        assert!((fix.position_m - truth).norm() < 1e-5 && (fix.clock - clock).abs() < 1e-5);
+        let state = fix.state;
+        assert!((state.position_m - truth).norm() < 1e-5 && (state.clock() - clock).abs() < 1e-5);
         assert_eq!(
             aw_dgn_bt::<M>(&satellites[..3], &observed[..3]),
-            Err(Divergence::Observations(3))
+            Err(Failure::Observations { rows: 3, needed: 4 })
         );
         let same = [satellites[0]; 5];
-        assert!(matches!(aw_dgn_bt::<M>(&same, &observed[..5]), Err(Divergence::Singular { .. })));
+        assert!(matches!(aw_dgn_bt::<M>(&same, &observed[..5]), Err(Failure::Coplanar)));
         let mut broken = observed.clone();
         broken[1] = f64::NAN;
-        assert!(aw_dgn_bt::<M>(&satellites, &broken).is_err());
+        assert_eq!(
+            aw_dgn_bt::<M>(&satellites, &broken),
+            Err(Failure::NotFinite { row: 1, what: "value" })
+        );
     }
 
     #[test]
     fn exact_observations_lead_from_the_centre_to_the_truth() {
         converges_to_the_truth::<Pseudorange>(-2e5);
         converges_to_the_truth::<Doppler>(1.5e3);
-    }
-
-    #[test]
-    fn gradients_are_the_derivatives_of_the_predictions() {
-        fn check<M: ObservationModel>(step: f64, tolerance: f64) {
-            let receiver = Vector3::new(6.3e6, 4e5, -8e5);
-            for satellite in constellation() {
-                let (value, gradient) = M::linearise(&satellite, &receiver);
-                assert!((value - M::predict(&satellite, &receiver)).abs() < 1e-8 * value.abs());
-                for axis in 0..3 {
-                    let mut offset = Vector3::zeros();
-                    offset[axis] = step;
-                    let difference = (M::predict(&satellite, &(receiver + offset))
-                        - M::predict(&satellite, &(receiver - offset)))
-                        / (2.0 * step);
-                    assert!((difference - gradient[axis]).abs() < tolerance);
-                }
-            }
-        }
-        // Truncation (step/range)^2 and rounding 4e-9 m / step (pseudorange), 1e-12 m/s / step.
-        check::<Pseudorange>(100.0, 1e-9);
-        check::<Doppler>(1000.0, 1e-11);
     }
 }

@@ -1,6 +1,6 @@
 //! Why no position was found.
 
-use super::aw_dgn_bt::Divergence;
+use super::outcome::Failure;
 use crate::gnss::orbit::NoOrbit;
 use crate::gnss::{GpsTime, Sv};
 use std::fmt;
@@ -89,7 +89,7 @@ pub enum PositioningError {
         /// Satellites used.
         satellites: usize,
         /// How it failed.
-        cause: Divergence,
+        cause: Failure,
     },
     /// The satellites do not determine the position well enough.
     #[error(

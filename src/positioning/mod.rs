@@ -8,15 +8,21 @@ mod coarse_time;
 mod error;
 mod fix;
 pub mod least_squares;
+pub mod model;
+pub mod observations;
 mod options;
+pub mod outcome;
 mod point;
 mod selection;
 mod sight;
 mod snapshot;
 mod solution;
+pub mod solver;
 mod statistics;
+mod system;
 #[cfg(test)]
 mod synthetic;
+pub mod variable_projection;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};

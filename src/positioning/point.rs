@@ -7,9 +7,11 @@
 //! chi-square test of the residuals (1e-5 of false alarm) guards the result; a satellite without
 //! which it passes is excluded if five or more are left.
 
-use super::aw_dgn_bt::{Divergence, Pseudorange, Satellite, aw_dgn_bt};
+use super::aw_dgn_bt::aw_dgn_bt;
 use super::error::{DropReason, Dropped, PositioningError};
 use super::least_squares::LeastSquares;
+use super::model::{Pseudorange, Satellite};
+use super::outcome::{Failure, State};
 use super::selection::select;
 use super::sight::{Sight, Sighting};
 use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
@@ -77,6 +79,11 @@ pub fn solve_epoch(
         solver: "aw-dgn-bt",
         iterations: point.iterations,
     })
+}
+
+/// A position and clock bias, both in m.
+fn place(state: &Vector4<f64>) -> State {
+    State { position_m: state.xyz(), bias_m: Some(state.w), drift_mps: None }
 }
 
 struct PointSolver<'a> {
@@ -201,7 +208,10 @@ impl<'a> PointSolver<'a> {
             })
             .unzip();
         aw_dgn_bt::<Pseudorange>(&satellites, &ranges)
-            .map(|c| Start { state: c.position_m.push(c.clock), iterations: c.iterations })
+            .map(|c| Start {
+                state: c.state.position_m.push(c.state.clock()),
+                iterations: c.iterations,
+            })
             .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })
     }
 
@@ -229,7 +239,7 @@ impl<'a> PointSolver<'a> {
                 residuals_m.push(residual);
             }
             let (Some(plain), Some(solution)) = (plain.solve(), weighted.solve()) else {
-                let cause = Divergence::Singular { state, iterations };
+                let cause = Failure::Singular { state: place(&state), iterations };
                 return Err(PositioningError::Diverged { satellites: used.len(), cause });
             };
             state += solution.x;
@@ -253,7 +263,8 @@ impl<'a> PointSolver<'a> {
                 });
             }
         }
-        let cause = Divergence::TooSlow { state, iterations: start.iterations + MAX_REFINEMENTS };
+        let iterations = start.iterations + MAX_REFINEMENTS;
+        let cause = Failure::TooSlow { state: place(&state), iterations };
         Err(PositioningError::Diverged { satellites: used.len(), cause })
     }
 }

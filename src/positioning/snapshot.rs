@@ -9,10 +9,12 @@
 //!    come near it: a wrong integer leaves residuals of kilometres, and is refused. If no set of
 //!    integers passes, one and then two satellites are left out, as long as six remain.
 
-use super::aw_dgn_bt::{Divergence, Doppler, Satellite, aw_dgn_bt};
+use super::aw_dgn_bt::aw_dgn_bt;
 use super::coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
 use super::error::PositioningError;
 use super::least_squares::LeastSquares;
+use super::model::{Doppler, Satellite};
+use super::outcome::Failure;
 use super::selection::select;
 use super::sight::Sighting;
 use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
@@ -180,11 +182,11 @@ fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), 
         })
         .unzip();
     let cold = match aw_dgn_bt::<Doppler>(&satellites, &rates) {
-        Ok(c) => Ok((c.position_m.push(c.clock), c.iterations)),
+        Ok(c) => Ok((c.state.position_m.push(c.state.clock()), c.iterations)),
         // Noise can put the optimum outside the wall: the place at the wall is a good start.
-        Err(
-            Divergence::Jammed { state, iterations } | Divergence::TooSlow { state, iterations },
-        ) => Ok((state, iterations)),
+        Err(Failure::Jammed { state, iterations, .. } | Failure::TooSlow { state, iterations }) => {
+            Ok((state.position_m.push(state.clock()), iterations))
+        }
         Err(cause) => Err(PositioningError::Diverged { satellites: set.len(), cause }),
     };
     let (cold, spent) = cold?;

@@ -7,6 +7,7 @@
 mod array_sky;
 mod files;
 mod geojson;
+mod heat_map;
 mod html;
 mod json;
 mod kml;
@@ -21,6 +22,7 @@ mod table;
 pub use array_sky::array_sky_table;
 pub use files::{OutputDir, ReportError, write_all, write_atomically};
 pub use geojson::geojson;
+pub use heat_map::HeatMap;
 pub use html::html;
 pub use json::{Document, json};
 pub use kml::kml;

@@ -1,9 +1,10 @@
 //! Plots as SVG. The drawing library is named in this file only.
 
-use super::{LinePlot, ReportError, SkyEntry, Summary};
+use super::{HeatMap, LinePlot, ReportError, SkyEntry, Summary};
 use crate::array::{ArraySky, Bearing};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -276,4 +277,92 @@ where
         .label_font((FONT, 12))
         .draw()?;
     Ok(())
+}
+
+/// Colours from the smallest to the largest value: lightness grows evenly (viridis, five of its colours).
+const SCALE: [[f64; 3]; 5] = [
+    [68.0, 1.0, 84.0],
+    [59.0, 82.0, 139.0],
+    [33.0, 145.0, 140.0],
+    [94.0, 201.0, 98.0],
+    [253.0, 231.0, 37.0],
+];
+
+/// The colour of a share, 0 to 1.
+fn colour(share: f64) -> RGBColor {
+    let place = share.clamp(0.0, 1.0) * (SCALE.len() - 1) as f64;
+    let below = (place as usize).min(SCALE.len() - 2);
+    let [r, g, b] = std::array::from_fn(|k| {
+        let (a, b) = (SCALE[below][k], SCALE[below + 1][k]);
+        (a + (b - a) * (place - below as f64)).round() as u8
+    });
+    RGBColor(r, g, b)
+}
+
+/// Steps of the colour bar beside a heat map.
+const BAR_STEPS: usize = 32;
+
+/// A [`HeatMap`]: a cell for each row and column, and a bar that tells the colours.
+pub(super) fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
+    let (columns, rows) = (map.x.len(), map.rows.len());
+    let [low, high] = map.range;
+    let bar = columns as f64 * 1.04;
+    let width = columns as f64 * 0.04;
+    let height = (110 + 26 * rows as u32).max(200);
+    draw("heat map", (860, height), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(&map.title, (FONT, 15))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(150)
+            .build_cartesian_2d(0.0..columns as f64 * 1.16, rows as f64..0.0)?;
+        chart.configure_mesh().disable_mesh().disable_axes().draw()?;
+        let cell = |x: [f64; 2], y: [f64; 2], share: f64| {
+            Rectangle::new([(x[0], y[0]), (x[1], y[1])], colour(share).filled())
+        };
+        for (y, values) in map.values.iter().enumerate() {
+            let y = y as f64;
+            let known = values.iter().enumerate().filter(|(_, v)| !v.is_nan());
+            chart.draw_series(known.map(|(x, v)| {
+                cell([x as f64, x as f64 + 1.0], [y, y + 1.0], (v - low) / (high - low))
+            }))?;
+        }
+        chart.draw_series((0..BAR_STEPS).map(|k| {
+            let share = |k: usize| k as f64 / BAR_STEPS as f64;
+            let y = [1.0 - share(k), 1.0 - share(k + 1)].map(|y| y * rows as f64);
+            cell([bar, bar + width], y, share(k))
+        }))?;
+
+        let at = |x: f64, y: f64| chart.backend_coord(&(x, y));
+        let text = |text: &str, place: (i32, i32), h: HPos, v: VPos| {
+            let style = (FONT, 12).into_text_style(area).pos(Pos::new(h, v));
+            area.draw_text(text, &style, place)
+        };
+        let ticks = columns.saturating_sub(1).div_ceil(8).max(1);
+        for k in (0..columns).step_by(ticks) {
+            let (x, y) = at(k as f64 + 0.5, rows as f64);
+            text(&short(map.x[k]), (x, y + 5), HPos::Center, VPos::Top)?;
+        }
+        let (x, y) = at(columns as f64 / 2.0, rows as f64);
+        text(&map.x_axis, (x, y + 22), HPos::Center, VPos::Top)?;
+        for (k, row) in map.rows.iter().enumerate() {
+            let (x, y) = at(0.0, k as f64 + 0.5);
+            text(row, (x - 6, y), HPos::Right, VPos::Center)?;
+        }
+        let (x, y) = at(bar + width, 0.0);
+        text(&short(high), (x + 4, y), HPos::Left, VPos::Top)?;
+        let (x, y) = at(bar + width, rows as f64);
+        text(&short(low), (x + 4, y), HPos::Left, VPos::Bottom)?;
+        text(&map.value, (x, y + 5), HPos::Center, VPos::Top)?;
+        Ok(())
+    })
+}
+
+/// A number with as many digits as a label needs.
+fn short(value: f64) -> String {
+    if value.abs() >= 10.0 || value.fract() == 0.0 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.2}")
+    }
 }
