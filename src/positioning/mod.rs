@@ -3,8 +3,10 @@
 //! [`aw_dgn_bt`] is the bare iteration on satellite positions, for a researcher; [`solve_epoch`]
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
+mod adjustment;
 pub mod aw_dgn_bt;
 mod coarse_time;
+mod cold_start;
 mod error;
 mod fix;
 pub mod least_squares;
@@ -13,20 +15,25 @@ pub mod observations;
 mod options;
 pub mod outcome;
 mod point;
+mod robust;
 mod selection;
 mod sight;
 mod snapshot;
 mod solution;
 pub mod solver;
 mod statistics;
-mod system;
 #[cfg(test)]
 mod synthetic;
+mod system;
 pub mod variable_projection;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual};
-pub use options::{PositioningOptions, SnapshotOptions};
-pub use point::solve_epoch;
+pub use options::{
+    Exclusion, Height, Observable, PositioningOptions, SnapshotOptions, SolveOptions,
+};
+pub use point::{solve_epoch, solve_observed};
+pub use robust::Robust;
 pub use snapshot::solve_snapshot;
+pub use solver::Solver;

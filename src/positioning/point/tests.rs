@@ -1,5 +1,6 @@
 //! The full model on exact, noisy and faulty observations of known truth.
 
+use super::super::sight::Sight;
 use super::super::synthetic::{Truth, navigation_data};
 use super::*;
 use crate::gnss::Ephemeris;
@@ -155,5 +156,5 @@ fn errors_name_the_cause() {
     for observation in &epoch.observations {
         clones.insert(Ephemeris { sv: observation.sv, ..first.clone() });
     }
-    fails(&truth.observe(&clones, &options, MASK), &clones, "singular");
+    fails(&truth.observe(&clones, &options, MASK), &clones, "one plane");
 }
