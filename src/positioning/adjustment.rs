@@ -9,8 +9,15 @@
 //! height     = height(r)         row (up, 0, 0), where it is known
 //! ```
 //!
-//! each divided by its standard deviation, and by the square root of the robust law's weight. The clock
+//! each divided by its standard deviation, and times the square root of the robust law's weight. The clock
 //! term that the observable does not contain is held by a row of its own, which touches nothing else.
+//!
+//! Deviations weigh pseudoranges against Dopplers only as well as they are true, and those of pseudoranges
+//! are mostly the model's, common to all and taken up by the clock. So where both are used their weights
+//! against each other follow from their own residuals (Helmert's variance components): each kind's deviations
+//! are scaled by `sqrt(cost / degrees of freedom)` of that kind, the position taking its three from the
+//! pseudoranges; downwards for pseudoranges and upwards for Dopplers only, so that a few lucky residuals
+//! never let the weaker observable spoil the stronger. Test and covariance keep the deviations as they were.
 
 use super::error::PositioningError;
 use super::least_squares::LeastSquares;
@@ -43,6 +50,10 @@ const REFINED_M: f64 = 1e-4;
 const ITERATES_M: std::ops::Range<f64> = 5e6..8e6;
 /// Largest standard deviation of a position, m, that is worth printing: of one by Dopplers.
 const MAX_SIGMA_M: f64 = 100e3;
+/// Rounds of variance components: they settle to per cent in two.
+const COMPONENT_ROUNDS: usize = 2;
+/// Smallest scale of deviations that a few lucky residuals may give.
+const MIN_SCALE: f64 = 0.03;
 
 /// The position part of a state.
 pub(super) fn position(state: &Unknowns) -> Vector3<f64> {
@@ -198,60 +209,83 @@ impl Adjustment<'_> {
         start: Unknowns,
         spent: usize,
     ) -> Result<Adjusted<'s>, PositioningError> {
-        let (mut state, mut iterations) = (start, spent);
-        let mut converged = None;
-        for &law in self.options.robust.stages() {
-            let most = if law == Robust::None { MAX_REFINEMENTS } else { MAX_REWEIGHTED };
-            converged = None;
-            for _ in 0..most {
-                iterations += 1;
-                let round = self.round(&used, &state, law).ok_or_else(|| {
-                    let cause = Failure::Singular { state: self.place(&state), iterations };
-                    PositioningError::Diverged { satellites: used.len(), cause }
-                })?;
-                state += round.step;
-                let radius_m = position(&state).norm();
-                if !ITERATES_M.contains(&radius_m) {
-                    return Err(PositioningError::ImplausibleRadius { radius_m });
-                }
-                if round.step.norm() < REFINED_M {
-                    converged = Some(round);
-                    break;
-                }
-            }
-            if converged.is_none() {
-                break;
+        let (mut state, mut iterations, mut scales) = (start, spent, [1.0; 2]);
+        let mut round = self.settle(&used, &mut state, &mut iterations, Robust::None, scales)?;
+        if self.options.observable == Observable::Both {
+            for _ in 0..COMPONENT_ROUNDS {
+                scales = round.scales();
+                round = self.settle(&used, &mut state, &mut iterations, Robust::None, scales)?;
             }
         }
-        let Some(round) = converged else {
-            let cause = Failure::TooSlow { state: self.place(&state), iterations };
-            return Err(PositioningError::Diverged { satellites: used.len(), cause });
-        };
+        for &law in self.options.robust.stages() {
+            round = self.settle(&used, &mut state, &mut iterations, law, scales)?;
+        }
         self.finish(used, state, round, iterations)
     }
 
+    /// Gauss-Newton under one law and one set of scales until it moves no more.
+    fn settle(
+        &self,
+        used: &[Sighting],
+        state: &mut Unknowns,
+        iterations: &mut usize,
+        law: Robust,
+        scales: [f64; 2],
+    ) -> Result<Round, PositioningError> {
+        let satellites = used.len();
+        let failed = |cause| PositioningError::Diverged { satellites, cause };
+        let most = if law == Robust::None { MAX_REFINEMENTS } else { MAX_REWEIGHTED };
+        for _ in 0..most {
+            *iterations += 1;
+            let round = self.round(used, state, law, scales).ok_or_else(|| {
+                failed(Failure::Singular { state: self.place(state), iterations: *iterations })
+            })?;
+            *state += round.step;
+            let radius_m = position(state).norm();
+            if !ITERATES_M.contains(&radius_m) {
+                return Err(PositioningError::ImplausibleRadius { radius_m });
+            }
+            if round.step.norm() < REFINED_M {
+                return Ok(round);
+            }
+        }
+        Err(failed(Failure::TooSlow { state: self.place(state), iterations: *iterations }))
+    }
+
     /// One step of Gauss-Newton; none if the system is singular.
-    fn round(&self, used: &[Sighting], state: &Unknowns, law: Robust) -> Option<Round> {
+    fn round(
+        &self,
+        used: &[Sighting],
+        state: &Unknowns,
+        law: Robust,
+        scales: [f64; 2],
+    ) -> Option<Round> {
         let sights = self.sights(used, state);
         let rows = self.rows(used, &sights, state);
         let mut weights = Vec::with_capacity(rows.len());
         let mut system = LeastSquares::<5>::default();
         let mut cost = 0.0;
+        let mut spread = SMatrix::<f64, 5, 5>::zeros();
         for row in &rows {
             let weight = law.weight(row.residual / row.sigma());
             weights.push(weight);
             if weight > 0.0 {
                 let sigma = row.sigma() / weight.sqrt();
-                system.push(&(row.design() / sigma), row.residual / sigma);
+                let scaled = sigma * scales[row.clock - BIAS];
+                let design = row.design() / scaled;
+                system.push(&design, row.residual / scaled);
                 cost += (row.residual / sigma).powi(2);
+                spread += design * design.transpose() / scales[row.clock - BIAS].powi(2);
             }
         }
         if let Some(known) = self.options.height {
             let place = Geodetic::from_ecef(&position(state));
             let up = place.ecef_to_enu().row(2).transpose() / known.sigma_m;
             let residual = (known.height_m - place.height) / known.sigma_m;
-            system.push(&Unknowns::new(up.x, up.y, up.z, 0.0, 0.0), residual);
+            let design = Unknowns::new(up.x, up.y, up.z, 0.0, 0.0);
+            system.push(&design, residual);
             cost += residual * residual;
+            spread += design * design.transpose();
         }
         for clock in [BIAS, DRIFT] {
             if !self.options.observable.contains(clock) {
@@ -261,7 +295,11 @@ impl Adjustment<'_> {
             }
         }
         let solution = system.solve()?;
-        let covariance = solution.cofactor();
+        let mut covariance = solution.cofactor();
+        if scales != [1.0; 2] {
+            // Of the estimate with these weights, by the deviations as they were.
+            covariance = covariance * spread * covariance;
+        }
         Some(Round { sights, rows, weights, step: solution.x, covariance, cost })
     }
 
@@ -332,4 +370,19 @@ struct Round {
     step: Unknowns,
     covariance: SMatrix<f64, 5, 5>,
     cost: f64,
+}
+
+impl Round {
+    /// Variance components of pseudoranges and Dopplers, as scales of their deviations.
+    fn scales(&self) -> [f64; 2] {
+        let scale = |clock: usize, unknowns: usize| {
+            let of_kind = || self.rows.iter().filter(|row| row.clock == clock);
+            let cost: f64 = of_kind().map(|row| (row.residual / row.sigma()).powi(2)).sum();
+            match of_kind().count().saturating_sub(unknowns) {
+                0 => 1.0,
+                freedom => (cost / freedom as f64).sqrt(),
+            }
+        };
+        [scale(BIAS, 4).clamp(MIN_SCALE, 1.0), scale(DRIFT, 1).max(1.0)]
+    }
 }

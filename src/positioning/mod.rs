@@ -21,6 +21,7 @@ mod sight;
 mod snapshot;
 mod solution;
 pub mod solver;
+mod static_point;
 mod statistics;
 #[cfg(test)]
 mod synthetic;
@@ -37,3 +38,4 @@ pub use point::{solve_epoch, solve_observed};
 pub use robust::Robust;
 pub use snapshot::solve_snapshot;
 pub use solver::Solver;
+pub use static_point::solve_static;

@@ -36,12 +36,13 @@ impl Robust {
         }
     }
 
-    /// The laws that are solved one after the other, each from the solution of the one before.
+    /// The laws that are solved one after the other after plain least squares, each from the solution of the
+    /// one before.
     pub(super) fn stages(self) -> &'static [Self] {
         match self {
-            Self::None => &[Self::None],
-            Self::Huber => &[Self::None, Self::Huber],
-            Self::Igg3 => &[Self::None, Self::Huber, Self::Igg3],
+            Self::None => &[],
+            Self::Huber => &[Self::Huber],
+            Self::Igg3 => &[Self::Huber, Self::Igg3],
         }
     }
 }
