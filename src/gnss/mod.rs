@@ -13,13 +13,17 @@ pub mod navigation_data;
 pub mod orbit;
 pub mod precise_orbit;
 pub mod prn_code;
+pub(crate) mod records;
 pub mod rinex_nav;
 pub mod satellite;
+pub mod sp3;
 pub mod time;
+pub mod tle;
 
 pub use ephemeris::{Ephemeris, SatelliteState};
 pub use navigation_data::NavigationData;
 pub use orbit::Orbit;
+pub use records::ReadError;
 pub use satellite::{Constellation, Sv};
 pub use time::GpsTime;
 

@@ -1,8 +1,11 @@
 //! What the receiver measured of each satellite at one instant.
 
+mod noise;
+pub mod rinex_obs;
 mod snapshot;
 mod track_log;
 
+pub use noise::typical_noise;
 pub use snapshot::snapshot_epoch;
 pub use track_log::{TrackLog, observation_epochs};
 
@@ -27,7 +30,8 @@ pub struct Observation {
     pub range: CodeRange,
     /// Standard deviation of the code range by thermal noise, m.
     pub range_sigma_m: f64,
-    /// Doppler of the L1 carrier, Hz, positive when the satellite approaches (range rate = -lambda D).
+    /// Doppler of the L1 carrier, Hz, positive when the satellite approaches (range rate = -lambda D); NaN
+    /// where none was measured, as the code range may be.
     pub doppler_hz: f64,
     /// Standard deviation of the Doppler, Hz.
     pub doppler_sigma_hz: f64,
@@ -35,7 +39,7 @@ pub struct Observation {
     pub carrier_phase_cycles: Option<f64>,
     /// Whether the carrier phase may have slipped since the observation before.
     pub lost_lock: bool,
-    /// Carrier-to-noise density, dB-Hz.
+    /// Carrier-to-noise density, dB-Hz; NaN where it is not known.
     pub cn0_dbhz: f64,
 }
 

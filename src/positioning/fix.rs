@@ -11,6 +11,10 @@ pub enum FixMethod {
     Tracking,
     /// Code phases of a snapshot, with coarse time.
     Snapshot,
+    /// Dopplers alone, of a receiver at rest.
+    Doppler,
+    /// Full pseudoranges and Dopplers together, of a receiver at rest.
+    Combined,
 }
 
 /// What a satellite contributed to a fix.
@@ -18,7 +22,7 @@ pub enum FixMethod {
 pub struct Residual {
     /// The satellite.
     pub sv: Sv,
-    /// Observed minus computed code range, m.
+    /// Observed minus computed code range, m; NaN where none was used.
     pub range_m: f64,
     /// Observed minus computed Doppler, Hz; NaN where none was measured.
     pub doppler_hz: f64,
@@ -51,15 +55,16 @@ pub struct Fix {
     pub sample: f64,
     /// Position, m, ECEF.
     pub position_m: Vector3<f64>,
-    /// Velocity, m/s, ECEF, if Dopplers were used.
+    /// Velocity, m/s, ECEF, if Dopplers gave it.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time).
+    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time); NaN where
+    /// Dopplers alone were used.
     pub clock_bias_s: f64,
     /// Rate of the receiver clock, s/s.
     pub clock_drift_sps: Option<f64>,
-    /// Covariance of position (east, north, up) and c x clock bias, m^2.
+    /// Covariance of position (east, north, up) and c x clock bias (NaN where that is), m^2.
     pub covariance: Matrix4<f64>,
-    /// Position dilution of precision: sqrt of the trace of the position part of (H^T H)^-1.
+    /// Position dilution of precision of ranges: sqrt of the trace of the position part of (H^T H)^-1.
     pub pdop: f64,
     /// Horizontal dilution of precision.
     pub hdop: f64,

@@ -3,10 +3,12 @@
 //! [`aw_dgn_bt`] is the bare iteration on satellite positions, for a researcher; [`solve_epoch`]
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
+mod adjustment;
 pub mod aw_dgn_bt;
 mod blind;
 mod coarse_time;
 mod code_phases;
+mod cold_start;
 mod doppler_time;
 mod error;
 mod fix;
@@ -16,20 +18,27 @@ pub mod observations;
 mod options;
 pub mod outcome;
 mod point;
+mod robust;
 mod selection;
 mod sight;
 mod snapshot;
 mod solution;
 pub mod solver;
+mod static_point;
 mod statistics;
-mod system;
 #[cfg(test)]
 mod synthetic;
+mod system;
 pub mod variable_projection;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual, TimeSearch};
-pub use options::{PositioningOptions, SnapshotOptions};
-pub use point::solve_epoch;
+pub use options::{
+    Exclusion, Height, Observable, PositioningOptions, SnapshotOptions, SolveOptions,
+};
+pub use point::{solve_epoch, solve_observed};
+pub use robust::Robust;
 pub use snapshot::solve_snapshot;
+pub use solver::Solver;
+pub use static_point::solve_static;

@@ -1,37 +1,27 @@
-//! The position from full pseudoranges, with the receiver's full model.
+//! The position of one epoch whose time is known, with the receiver's full model.
 //!
-//! AW-DGN-BT from the Earth's centre on satellite positions at the times of transmission
-//! `t_r - P/c - dt_s` (which no error of the receiver's clock touches), then Gauss-Newton, weighted,
-//! on [`Sight`]: light time, Earth rotation, satellite clock, relativity, T_GD, Klobuchar and
-//! Saastamoinen, at the time of reception corrected by the clock bias of the iteration before. A
-//! chi-square test of the residuals (1e-5 of false alarm) guards the result; a satellite without
-//! which it passes is excluded if five or more are left.
+//! A bare solver from the Earth's centre on satellite positions ([`super::cold_start`]), then Gauss-Newton,
+//! weighted, on [`Sight`](super::sight::Sight): light time, Earth rotation, satellite clock, relativity,
+//! T_GD, Klobuchar and Saastamoinen ([`super::adjustment`]). A chi-square test of the residuals (1e-5 of
+//! false alarm) guards the result; a satellite without which it passes is excluded if one more than there
+//! are unknowns is left.
 
-use super::aw_dgn_bt::aw_dgn_bt;
+use super::adjustment::{Adjusted, Adjustment, BIAS, DRIFT, position};
+use super::cold_start::cold_start;
 use super::error::{DropReason, Dropped, PositioningError};
-use super::least_squares::LeastSquares;
-use super::model::{Pseudorange, Satellite};
-use super::outcome::{Failure, State};
-use super::selection::select;
-use super::sight::{Sight, Sighting};
-use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
-use super::statistics::chi_square_limit;
+use super::options::{Exclusion, Observable, SolveOptions};
+use super::outcome::Step;
+use super::selection::select_by;
+use super::sight::Sighting;
 use super::velocity::motion;
 use super::{Fix, FixMethod, PositioningOptions, Residual};
 use crate::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
-use crate::gnss::{GpsTime, NavigationData, Sv};
-use crate::observables::{CodeRange, ObservationEpoch};
-use nalgebra::{Matrix4, Vector3, Vector4};
-
-/// Unknowns: position and clock.
-const UNKNOWNS: usize = 4;
-/// Gauss-Newton is quadratic near the ground: from AW-DGN-BT's 100 m it takes 3 or 4 steps.
-const MAX_REFINEMENTS: usize = 10;
-/// Refined until the step is shorter than this, m.
-const REFINED_M: f64 = 1e-4;
+use crate::gnss::{NavigationData, Sv};
+use crate::observables::{CodeRange, Observation, ObservationEpoch};
+use nalgebra::{Matrix4, Vector3};
 
 /// Position, velocity, clock and what a person needs to trust them, from the full pseudoranges (and
-/// Dopplers, where they are numbers) of one epoch.
+/// Dopplers, where they are numbers) of one epoch, by AW-DGN-BT from the Earth's centre.
 ///
 /// # Errors
 /// [`PositioningError`] names the cause: too few usable satellites, stale ephemerides, divergence,
@@ -41,123 +31,134 @@ pub fn solve_epoch(
     nav: &NavigationData,
     options: &PositioningOptions,
 ) -> Result<Fix, PositioningError> {
-    let full = |range| match range {
-        CodeRange::Pseudorange(range_m) => Some(range_m),
-        CodeRange::ModuloCodePeriod(_) => None,
-    };
-    let sightings = select(epoch, nav, full, UNKNOWNS)?;
-    let solver = PointSolver { receive_time: epoch.receive_time, nav, options };
+    let options = SolveOptions { positioning: *options, ..SolveOptions::default() };
+    solve_observed(epoch, nav, &options, &mut |_| ())
+}
+
+/// The position of one epoch by pseudoranges, Dopplers or both, as the options say. `trace` sees each
+/// accepted step of the solver that comes from the Earth's centre, of every set of satellites that is tried.
+///
+/// From Dopplers alone the time of reception is taken as the receiver's clock has it (a millisecond of error
+/// is 4 m of the satellites), and the receiver is taken to rest: 1 m/s moves the result by 6 km.
+///
+/// # Errors
+/// As [`solve_epoch`].
+pub fn solve_observed(
+    epoch: &ObservationEpoch,
+    nav: &NavigationData,
+    options: &SolveOptions,
+    trace: &mut dyn FnMut(&Step),
+) -> Result<Fix, PositioningError> {
+    let sightings = sightings(epoch, nav, options.observable)?;
+    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
+    let mut solver = PointSolver { adjustment, trace };
     let (point, excluded) = solver.solve_with_exclusion(sightings)?;
-    let motion = motion(&point.used, &point.sights);
-    let residuals = point.used.iter().zip(&point.sights).zip(&point.residuals_m);
-    let residuals = residuals
-        .map(|((sighting, sight), &range_m)| Residual {
+    Ok(fix(&point, epoch.sample, excluded, options))
+}
+
+/// The observations of an epoch that the observable needs and that have an orbit.
+pub(super) fn sightings<'a>(
+    epoch: &'a ObservationEpoch,
+    nav: &'a NavigationData,
+    observable: Observable,
+) -> Result<Vec<Sighting<'a>>, PositioningError> {
+    let time = epoch.receive_time;
+    let sighting = |o: &'a Observation| match (observable, o.range) {
+        (Observable::Doppler, _) => Sighting::of_doppler(o, time, nav),
+        (_, CodeRange::Pseudorange(range_m)) => Sighting::new(o, range_m, time, nav),
+        (_, CodeRange::ModuloCodePeriod(_)) => Err(DropReason::WrongKindOfRange),
+    };
+    select_by(epoch, sighting, 4)
+}
+
+/// The fix that an adjustment amounts to.
+fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOptions) -> Fix {
+    // What Dopplers are compared with: the motion they give where they gave no position.
+    let at_rest = options.observable != Observable::Pseudorange;
+    let motion = if at_rest { None } else { motion(&point.used, &point.sights) };
+    let moving = motion.map(|m| (m.velocity_mps, m.drift_mps));
+    let moving = moving.or(at_rest.then_some((Vector3::zeros(), point.state[DRIFT])));
+    let residual = |k: usize| {
+        let (sighting, sight) = (&point.used[k], &point.sights[k]);
+        let code = point.rows.iter().find(|r| r.satellite == k && r.clock == BIAS);
+        Residual {
             sv: sighting.observation.sv,
-            range_m,
-            doppler_hz: motion.as_ref().map_or(f64::NAN, |m| {
-                sighting.observation.doppler_hz
-                    + sight.range_rate(&m.velocity_mps, m.drift_mps) / L1_WAVELENGTH
+            range_m: code.map_or(f64::NAN, |row| row.residual),
+            doppler_hz: moving.map_or(f64::NAN, |(velocity, drift)| {
+                sighting.observation.doppler_hz + sight.range_rate(&velocity, drift) / L1_WAVELENGTH
             }),
             azimuth: sight.azimuth,
             elevation: sight.elevation,
-        })
-        .collect();
-    Ok(Fix {
+        }
+    };
+    // A robust law that gives a satellite no weight has excluded it.
+    let weightless = |k: &usize| {
+        let mut weights = point.rows.iter().zip(&point.weights).filter(|(r, _)| r.satellite == *k);
+        weights.all(|(_, &weight)| weight == 0.0)
+    };
+    let (rejected, used): (Vec<_>, Vec<_>) = (0..point.used.len()).partition(weightless);
+    excluded.extend(rejected.iter().map(|&k| point.used[k].observation.sv));
+    excluded.sort();
+    let mut covariance: Matrix4<f64> = point.covariance.fixed_view::<4, 4>(0, 0).into_owned();
+    let mut clock_bias_s = point.state[BIAS] / SPEED_OF_LIGHT;
+    if options.observable == Observable::Doppler {
+        clock_bias_s = f64::NAN;
+        covariance.row_mut(BIAS).fill(f64::NAN);
+        covariance.column_mut(BIAS).fill(f64::NAN);
+    }
+    Fix {
         time: point.time,
-        sample: epoch.sample,
-        position_m: point.position_m,
-        velocity_mps: motion.as_ref().map(|m| m.velocity_mps),
-        clock_bias_s: point.bias_m / SPEED_OF_LIGHT,
-        clock_drift_sps: motion.as_ref().map(|m| m.drift_mps / SPEED_OF_LIGHT),
-        covariance: point.geometry.local(&point.covariance),
+        sample,
+        position_m: position(&point.state),
+        velocity_mps: motion.map(|m| m.velocity_mps),
+        clock_bias_s,
+        clock_drift_sps: moving.map(|(_, drift)| drift / SPEED_OF_LIGHT),
+        covariance: point.geometry.local(&covariance),
         pdop: point.geometry.pdop,
         hdop: point.geometry.hdop,
         vdop: point.geometry.vdop,
-        residuals,
+        residuals: used.into_iter().map(residual).collect(),
         excluded,
-        method: FixMethod::Tracking,
+        method: match options.observable {
+            Observable::Pseudorange => FixMethod::Tracking,
+            Observable::Doppler => FixMethod::Doppler,
+            Observable::Both => FixMethod::Combined,
+        },
         time_search: None,
-        solver: "aw-dgn-bt",
+        solver: options.solver.name(),
         iterations: point.iterations,
-    })
-}
-
-/// A position and clock bias, both in m.
-fn place(state: &Vector4<f64>) -> State {
-    State { position_m: state.xyz(), bias_m: Some(state.w), drift_mps: None }
-}
-
-struct PointSolver<'a> {
-    receive_time: GpsTime,
-    nav: &'a NavigationData,
-    options: &'a PositioningOptions,
-}
-
-/// A converged solution and what it was made of.
-struct Point<'a> {
-    used: Vec<Sighting<'a>>,
-    sights: Vec<Sight>,
-    residuals_m: Vec<f64>,
-    position_m: Vector3<f64>,
-    bias_m: f64,
-    time: GpsTime,
-    /// Of position and clock bias, ECEF, m^2.
-    covariance: Matrix4<f64>,
-    geometry: Geometry,
-    /// Weighted sum of squared residuals.
-    cost: f64,
-    iterations: usize,
-}
-
-impl Point<'_> {
-    /// Weighted sum of squared residuals over its limit; above 1 the satellites contradict each other.
-    fn contradiction(&self) -> f64 {
-        match self.used.len().saturating_sub(UNKNOWNS) {
-            0 => 0.0,
-            redundancy => self.cost / chi_square_limit(redundancy),
-        }
-    }
-
-    fn inconsistent(&self) -> PositioningError {
-        let weighted =
-            |k: usize| self.residuals_m[k].abs() / range_sigma(&self.used[k], &self.sights[k]);
-        let worst = (0..self.used.len()).max_by(|&a, &b| weighted(a).total_cmp(&weighted(b)));
-        PositioningError::Inconsistent {
-            satellites: self.used.len(),
-            cost: self.cost,
-            threshold: chi_square_limit(self.used.len() - UNKNOWNS),
-            suspect: worst.map(|k| self.used[k].observation.sv),
-        }
     }
 }
 
-/// Standard deviation of observed minus computed range, m.
-fn range_sigma(sighting: &Sighting, sight: &Sight) -> f64 {
-    sighting.observation.range_sigma_m.hypot(sight.range_sigma_m)
+/// A solver of sets of satellites of one epoch.
+struct PointSolver<'a, 't> {
+    adjustment: Adjustment<'a>,
+    trace: &'t mut dyn FnMut(&Step),
 }
 
-impl<'a> PointSolver<'a> {
+impl<'a> PointSolver<'a, '_> {
     /// Solves, and leaves out satellites one at a time, best first, until the residuals are
-    /// consistent: at most half of the redundant ones, and never below five.
+    /// consistent: at most half of the redundant ones, and never so that less than one is redundant.
     fn solve_with_exclusion(
-        &self,
+        &mut self,
         mut set: Vec<Sighting<'a>>,
-    ) -> Result<(Point<'a>, Vec<Sv>), PositioningError> {
-        let limit = (set.len() - UNKNOWNS) / 2;
+    ) -> Result<(Adjusted<'a>, Vec<Sv>), PositioningError> {
+        let exclusion = self.adjustment.options.exclusion;
+        let limit = (set.len() - 4) / 2;
         let mut excluded = Vec::new();
         let mut first_error = None;
         loop {
             let error = match self.solve_set(&set) {
-                Ok(point) if point.contradiction() <= 1.0 => {
-                    excluded.sort();
+                Ok(point) if point.contradiction() <= 1.0 || exclusion == Exclusion::Off => {
                     return Ok((point, excluded));
                 }
                 Ok(point) => point.inconsistent(),
                 Err(error) => error,
             };
             let error = first_error.get_or_insert(error);
+            let may = exclusion == Exclusion::ChiSquare && set.len() >= 6 && excluded.len() < limit;
             let best = (0..set.len())
-                .filter(|_| set.len() >= 6 && excluded.len() < limit)
+                .filter(|_| may)
                 .filter_map(|k| {
                     let mut rest = set.clone();
                     rest.remove(k);
@@ -172,108 +173,30 @@ impl<'a> PointSolver<'a> {
     }
 
     /// From the Earth's centre to the full model, above the elevation mask.
-    fn solve_set(&self, set: &[Sighting<'a>]) -> Result<Point<'a>, PositioningError> {
-        let start = self.cold_start(set)?;
-        let point = self.refine(set.to_vec(), start)?;
-        let (above, below): (Vec<_>, Vec<_>) = std::iter::zip(set, &point.sights)
-            .partition(|(_, sight)| sight.elevation >= self.options.elevation_mask);
+    fn solve_set(&mut self, set: &[Sighting<'a>]) -> Result<Adjusted<'a>, PositioningError> {
+        let adjustment = self.adjustment;
+        let (start, spent) = cold_start(&adjustment, set, self.trace)?;
+        let point = adjustment.solve(set.to_vec(), start, spent)?;
+        let mask = adjustment.options.positioning.elevation_mask;
+        let (above, below): (Vec<_>, Vec<_>) =
+            std::iter::zip(set, &point.sights).partition(|(_, sight)| sight.elevation >= mask);
         if below.is_empty() {
             return Ok(point);
         }
-        if above.len() < UNKNOWNS {
+        if above.len() < 4 {
             let dropped = below.iter().map(|(sighting, sight)| Dropped {
                 sv: sighting.observation.sv,
                 reason: DropReason::BelowMask(sight.elevation),
             });
             return Err(PositioningError::TooFewSatellites {
                 usable: above.len(),
-                needed: UNKNOWNS,
+                needed: 4,
                 dropped: dropped.collect(),
             });
         }
         let above = above.into_iter().map(|(sighting, _)| *sighting).collect();
-        let state = point.position_m.push(point.bias_m);
-        self.refine(above, Start { state, iterations: point.iterations })
+        adjustment.solve(above, point.state, point.iterations)
     }
-
-    fn cold_start(&self, set: &[Sighting]) -> Result<Start, PositioningError> {
-        let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = set
-            .iter()
-            .map(|s| {
-                let sent = self.receive_time - s.range_m / SPEED_OF_LIGHT;
-                let clock_s = s.orbit.state(sent).clock_bias_s;
-                let state = s.orbit.state(sent - clock_s);
-                let satellite =
-                    Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
-                (satellite, s.range_m + SPEED_OF_LIGHT * state.clock_bias_s)
-            })
-            .unzip();
-        aw_dgn_bt::<Pseudorange>(&satellites, &ranges)
-            .map(|c| Start {
-                state: c.state.position_m.push(c.state.clock()),
-                iterations: c.iterations,
-            })
-            .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })
-    }
-
-    fn refine(&self, used: Vec<Sighting<'a>>, start: Start) -> Result<Point<'a>, PositioningError> {
-        let mut state = start.state;
-        let (mut plain, mut weighted) =
-            (LeastSquares::<4>::default(), LeastSquares::<4>::default());
-        for refinement in 1..=MAX_REFINEMENTS {
-            let iterations = start.iterations + refinement;
-            let position_m = state.xyz();
-            let time = self.receive_time - state.w / SPEED_OF_LIGHT;
-            let sights: Vec<Sight> = used
-                .iter()
-                .map(|s| Sight::new(s.orbit, &position_m, time, self.nav, self.options))
-                .collect();
-            let mut cost = 0.0;
-            let mut residuals_m = Vec::with_capacity(used.len());
-            for (sighting, sight) in used.iter().zip(&sights) {
-                let row = (-sight.direction).push(1.0);
-                let residual = sighting.range_m - sight.range_m - state.w;
-                let sigma = range_sigma(sighting, sight);
-                plain.push(&row, residual);
-                weighted.push(&(row / sigma), residual / sigma);
-                cost += (residual / sigma).powi(2);
-                residuals_m.push(residual);
-            }
-            let (Some(plain), Some(solution)) = (plain.solve(), weighted.solve()) else {
-                let cause = Failure::Singular { state: place(&state), iterations };
-                return Err(PositioningError::Diverged { satellites: used.len(), cause });
-            };
-            state += solution.x;
-            let radius_m = state.xyz().norm();
-            if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
-                return Err(PositioningError::ImplausibleRadius { radius_m });
-            }
-            if solution.x.norm() < REFINED_M {
-                let geometry = Geometry::new(&state.xyz(), &plain.cofactor(), used.len())?;
-                return Ok(Point {
-                    used,
-                    sights,
-                    residuals_m,
-                    position_m: state.xyz(),
-                    bias_m: state.w,
-                    time: self.receive_time - state.w / SPEED_OF_LIGHT,
-                    covariance: solution.cofactor(),
-                    geometry,
-                    cost,
-                    iterations,
-                });
-            }
-        }
-        let iterations = start.iterations + MAX_REFINEMENTS;
-        let cause = Failure::TooSlow { state: place(&state), iterations };
-        Err(PositioningError::Diverged { satellites: used.len(), cause })
-    }
-}
-
-/// Where Gauss-Newton starts: position and clock bias, m, and the iterations spent so far.
-struct Start {
-    state: Vector4<f64>,
-    iterations: usize,
 }
 
 #[cfg(test)]

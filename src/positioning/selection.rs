@@ -3,7 +3,7 @@
 use super::error::{DropReason, Dropped, PositioningError};
 use super::sight::Sighting;
 use crate::gnss::NavigationData;
-use crate::observables::{CodeRange, ObservationEpoch};
+use crate::observables::{CodeRange, Observation, ObservationEpoch};
 
 /// The observations of `epoch` that `range_m` understands and whose satellites have a healthy, fresh
 /// ephemeris, in the epoch's order; an error if fewer than `needed` are left.
@@ -14,6 +14,22 @@ pub(super) fn select<'a>(
     needed: usize,
 ) -> Result<Vec<Sighting<'a>>, PositioningError> {
     let time = epoch.receive_time;
+    let sighting = |observation: &'a Observation| {
+        range_m(observation.range)
+            .ok_or(DropReason::WrongKindOfRange)
+            .and_then(|range_m| Sighting::new(observation, range_m, time, nav))
+    };
+    select_by(epoch, sighting, needed)
+}
+
+/// The sightings that `make` makes of the observations of `epoch`, in the epoch's order; an error if fewer
+/// than `needed` are left.
+pub(super) fn select_by<'a>(
+    epoch: &'a ObservationEpoch,
+    make: impl Fn(&'a Observation) -> Result<Sighting<'a>, DropReason>,
+    needed: usize,
+) -> Result<Vec<Sighting<'a>>, PositioningError> {
+    let time = epoch.receive_time;
     let mut usable: Vec<Sighting> = Vec::new();
     let mut dropped = Vec::new();
     for observation in &epoch.observations {
@@ -21,9 +37,7 @@ pub(super) fn select<'a>(
         let sighting = if usable.iter().any(|s| s.observation.sv == sv) {
             Err(DropReason::Duplicate)
         } else {
-            range_m(observation.range)
-                .ok_or(DropReason::WrongKindOfRange)
-                .and_then(|range_m| Sighting::new(observation, range_m, time, nav))
+            make(observation)
         };
         match sighting {
             Ok(sighting) => usable.push(sighting),

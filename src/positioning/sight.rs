@@ -129,6 +129,17 @@ impl<'a> Sighting<'a> {
         Ok(Self { observation, orbit, range_m })
     }
 
+    /// The same for its Doppler alone, which must be a number; the range is none.
+    pub fn of_doppler(
+        observation: &'a Observation,
+        t: GpsTime,
+        nav: &'a NavigationData,
+    ) -> Result<Self, DropReason> {
+        let orbit = nav.orbit(observation.sv, t)?;
+        let sighting = Self { observation, orbit, range_m: f64::NAN };
+        sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
+    }
+
     /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
     pub fn range_rate(&self) -> Option<(f64, f64)> {
         let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);

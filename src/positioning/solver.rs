@@ -72,6 +72,16 @@ impl Solver {
     }
 }
 
+impl Solver {
+    /// Its name without a parameter, such as `aw-dgn-bt` or `adgn`.
+    pub fn name(&self) -> &'static str {
+        let text = self.to_string();
+        let bare = |name: &'static str| name.split(':').next().unwrap_or(name);
+        let mut names = NAMES.split(", ").map(bare);
+        names.find(|name| text.split(':').next() == Some(name)).unwrap_or("unnamed")
+    }
+}
+
 impl fmt::Display for Solver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -33,7 +33,7 @@ pub enum ScenarioError {
     },
     /// The navigation file cannot be read.
     #[error("reading the orbits of the scenario: {0}")]
-    Navigation(#[from] crate::gnss::rinex_nav::RinexError),
+    Navigation(#[from] crate::gnss::ReadError),
     /// A satellite without ephemeris.
     #[error("no ephemeris of {sv}: the orbits hold {known}")]
     UnknownSatellite {

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::gnss::{GpsTime, NavigationData, rinex_nav};
-use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::gnss::{NavigationData, rinex_nav};
+use sdr_rx::observables::{CodeRange, ObservationEpoch, rinex_obs};
 use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
 use std::path::Path;
 
@@ -31,70 +31,12 @@ pub fn trials() -> Vec<Trial> {
     ]
 }
 
-/// One satellite of a RINEX file with code, phase, Doppler and C/N0 from field `first` on.
-fn observation(name: &str, fields: &str, first: usize) -> Option<Observation> {
-    let field =
-        |k: usize| fields.get(16 * (first + k)..16 * (first + k) + 14)?.trim().parse::<f64>().ok();
-    let cn0_dbhz = field(3)?;
-    // A code loop of 1 Hz with narrow correlators: about 0.5 m and 0.1 Hz at 45 dB-Hz.
-    let noise = 10f64.powf((45.0 - cn0_dbhz) / 20.0);
-    Some(Observation {
-        sv: name.replace(' ', "0").parse().ok()?,
-        range: CodeRange::Pseudorange(field(0)?),
-        range_sigma_m: 0.5 * noise,
-        doppler_hz: field(2)?,
-        doppler_sigma_hz: 0.1 * noise,
-        carrier_phase_cycles: field(1),
-        lost_lock: false,
-        cn0_dbhz,
-    })
-}
-
-fn time(text: &str) -> Option<GpsTime> {
-    let numbers: Vec<f64> =
-        text.split_whitespace().take(6).map(|t| t.parse().ok()).collect::<Option<_>>()?;
-    let &[year, month, day, hour, minute, second] = &numbers[..] else { return None };
-    let year = if year < 100.0 { year + 2000.0 } else { year };
-    Some(GpsTime::from_calendar(
-        year as i32,
-        month as u32,
-        day as u32,
-        hour as u32,
-        minute as u32,
-        second,
-    ))
-}
-
-/// The GPS L1 C/A part of the RINEX 2 or 3 files at hand; no reader for others.
+/// The GPS and QZSS L1 C/A part of a file.
 fn epochs(path: &Path) -> Result<Vec<ObservationEpoch>, Failed> {
-    let text = std::fs::read_to_string(path)?;
-    let mut lines = text.lines().skip_while(|l| !l.contains("END OF HEADER")).skip(1).peekable();
-    let mut epochs = Vec::new();
-    while let Some(line) = lines.next() {
-        let modern = line.starts_with('>');
-        let receive_time = time(line.get(1..29).unwrap_or("")).ok_or("no epoch line")?;
-        let columns = if modern { 32..35 } else { 29..32 };
-        let count: usize = line.get(columns).ok_or("no count")?.trim().parse()?;
-        let mut names = line.get(32..).unwrap_or("").to_owned();
-        while !modern && names.trim_end().len() < 3 * count {
-            names = names.trim_end().to_owned() + lines.next().ok_or("file ends")?.trim_start();
-        }
-        let mut observations: Vec<Observation> = (0..count)
-            .filter_map(|k| {
-                let row = lines.next()?;
-                let (name, fields) =
-                    if modern { row.split_at(3) } else { (names.get(3 * k..3 * k + 3)?, row) };
-                // The RINEX 3 files at hand give the receiver's channel (X1) first.
-                name.starts_with('G').then(|| observation(name, fields, usize::from(modern)))?
-            })
-            .collect();
-        observations.sort_by_key(|o| o.sv);
-        epochs.push(ObservationEpoch { receive_time, sample: 0.0, observations });
-    }
-    Ok(epochs)
+    Ok(rinex_obs::open(path)?.collect::<Result<_, _>>()?)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
@@ -152,7 +94,7 @@ fn septentrio(folder: &Path) -> Result<(), Failed> {
 }
 
 /// Latitude, longitude (deg) and height (m) of a file, as ECEF.
-fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
+pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
     let text = std::fs::read_to_string(path)?;
     let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
     let &[latitude, longitude, height] = &numbers[..] else { return Err("three numbers".into()) };

@@ -1,9 +1,9 @@
 //! The header of a RINEX navigation file.
 
-use super::RinexError;
 use super::lines::Lines;
 use crate::gnss::lnav::resolve_week;
 use crate::gnss::navigation_data::UtcParameters;
+use crate::gnss::records::ReadError;
 use crate::gnss::time::SECONDS_PER_WEEK;
 use crate::gnss::{GpsTime, Sv};
 
@@ -24,7 +24,7 @@ pub struct Header {
 
 impl Header {
     /// Reads up to END OF HEADER and gives the line after it.
-    pub fn read(lines: &Lines) -> Result<(Self, usize), RinexError> {
+    pub fn read(lines: &Lines) -> Result<(Self, usize), ReadError> {
         let label = |at: usize| lines.columns(at, 60, 20).to_ascii_uppercase();
         if label(0) != "RINEX VERSION / TYPE" {
             let right = "a RINEX file starts with a line that ends in 'RINEX VERSION / TYPE'";
@@ -65,7 +65,7 @@ impl Header {
     }
 
     /// The satellite of the record at line `at`, none for a system that is skipped.
-    pub fn satellite(&self, lines: &Lines, at: usize) -> Result<Option<Sv>, RinexError> {
+    pub fn satellite(&self, lines: &Lines, at: usize) -> Result<Option<Sv>, ReadError> {
         let (letter, number) = if self.version < 3.0 {
             // Version 2 names the system once, in the header: N is GPS, G is GLONASS.
             match self.system {
@@ -105,7 +105,7 @@ impl Header {
 }
 
 /// Four coefficients of 12 columns each, none if all are blank.
-fn four(lines: &Lines, at: usize, start: usize) -> Result<Option<[f64; 4]>, RinexError> {
+fn four(lines: &Lines, at: usize, start: usize) -> Result<Option<[f64; 4]>, ReadError> {
     let mut values = [0.0; 4];
     for (k, value) in values.iter_mut().enumerate() {
         match lines.real(at, start + 12 * k, 12)? {
@@ -124,7 +124,7 @@ fn four(lines: &Lines, at: usize, start: usize) -> Result<Option<[f64; 4]>, Rine
 }
 
 /// A0, A1, reference time and week, at the columns given; none if the week is blank or zero.
-fn utc_line(lines: &Lines, at: usize, c: [usize; 5]) -> Result<Option<UtcParameters>, RinexError> {
+fn utc_line(lines: &Lines, at: usize, c: [usize; 5]) -> Result<Option<UtcParameters>, ReadError> {
     let field = |k: usize| lines.real(at, c[k], c[k + 1] - c[k]);
     let (Some(a0), Some(a1), Some(tot), Some(week)) = (field(0)?, field(1)?, field(2)?, field(3)?)
     else {
@@ -140,7 +140,7 @@ pub fn utc_parameters(a0: f64, a1: f64, tot: GpsTime) -> UtcParameters {
 }
 
 /// One integer, or four: now, after the change, week, day.
-fn leap_seconds(lines: &Lines, at: usize) -> Result<Option<LeapSeconds>, RinexError> {
+fn leap_seconds(lines: &Lines, at: usize) -> Result<Option<LeapSeconds>, ReadError> {
     let text = lines.columns(at, 0, 24);
     let values: Vec<i32> = text.split_whitespace().map_while(|w| w.parse().ok()).collect();
     match values[..] {

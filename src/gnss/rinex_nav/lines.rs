@@ -1,8 +1,8 @@
-//! Lines, columns and numbers of a RINEX file, with their places for error messages.
+//! The lines of a RINEX navigation file and the records that they make up.
 
-use super::RinexError;
 use super::header::Header;
 use crate::gnss::GpsTime;
+use crate::gnss::records::{Line, ReadError};
 
 /// The lines of a file, with their places for error messages.
 pub struct Lines<'a> {
@@ -17,53 +17,30 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Lines<'a> {
+    /// The line at index `at`, empty beyond the last.
+    pub fn line(&self, at: usize) -> Line<'a> {
+        let text = self.lines.get(at).copied().unwrap_or("");
+        Line { format: "RINEX", file: self.file, number: at + 1, text }
+    }
+
     pub fn malformed(
         &self,
         at: usize,
         problem: impl Into<String>,
         right: impl Into<String>,
-    ) -> RinexError {
-        let (problem, right) = (problem.into(), right.into());
-        RinexError::Malformed { file: self.file.to_owned(), line: at + 1, problem, right }
+    ) -> ReadError {
+        self.line(at).malformed(problem, right)
     }
 
     pub fn columns(&self, at: usize, start: usize, width: usize) -> &'a str {
-        let line = self.lines.get(at).copied().unwrap_or("");
-        line.get(start.min(line.len())..(start + width).min(line.len())).unwrap_or("").trim()
+        self.line(at).columns(start, width)
     }
 
-    /// A real number in fixed columns (Fortran's D exponent or E), none when they are blank.
-    pub fn real(&self, at: usize, start: usize, width: usize) -> Result<Option<f64>, RinexError> {
-        let text = self.columns(at, start, width);
-        if text.is_empty() {
-            return Ok(None);
-        }
-        let value: Option<f64> = text.replace(['D', 'd'], "e").parse().ok();
-        value.filter(|v| v.is_finite()).map(Some).ok_or_else(|| {
-            let last = start + width;
-            self.malformed(
-                at,
-                format!("'{text}' in columns {} to {last} is no number", start + 1),
-                "a number such as 0.469126738608D-03 stands there",
-            )
-        })
+    pub fn real(&self, at: usize, start: usize, width: usize) -> Result<Option<f64>, ReadError> {
+        self.line(at).real(start, width)
     }
 
-    pub fn integer<T: std::str::FromStr>(
-        &self,
-        at: usize,
-        start: usize,
-        width: usize,
-    ) -> Result<T, RinexError> {
-        let text = self.columns(at, start, width);
-        text.parse().map_err(|_| {
-            let last = start + width;
-            let problem = format!("'{text}' in columns {} to {last} is no whole number", start + 1);
-            self.malformed(at, problem, "digits stand there")
-        })
-    }
-
-    pub fn frame(&self, at: usize) -> Result<Frame<'a>, RinexError> {
+    pub fn frame(&self, at: usize) -> Result<Frame<'a>, ReadError> {
         let mut words = self.lines[at].split_whitespace();
         match (words.next(), words.next(), words.next(), words.next()) {
             (Some(">"), Some(kind), Some(_), message) => {
@@ -92,35 +69,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Calendar date and time at column `start`, of a year of 2 or 4 digits.
-    pub fn epoch(
-        &self,
-        at: usize,
-        start: usize,
-        year_digits: usize,
-    ) -> Result<GpsTime, RinexError> {
-        let mut year: i32 = self.integer(at, start, year_digits)?;
-        if year_digits == 2 {
-            year += if year < 80 { 2000 } else { 1900 };
-        }
-        let rest = start + year_digits;
-        let two = |k: usize| self.integer::<u32>(at, rest + 3 * k, 3);
-        let (month, day, hour, minute) = (two(0)?, two(1)?, two(2)?, two(3)?);
-        let seconds_width = if year_digits == 2 { 5 } else { 3 };
-        let second = self.real(at, rest + 12, seconds_width)?.unwrap_or(f64::NAN);
-        let possible = (1980..2200).contains(&year)
-            && (1..=12).contains(&month)
-            && (1..=31).contains(&day)
-            && hour <= 24
-            && minute <= 60
-            && (0.0..=60.0).contains(&second);
-        if !possible {
-            let text = self.columns(at, start, year_digits + 17);
-            return Err(self.malformed(
-                at,
-                format!("'{text}' is no date"),
-                "year, month, day, hour, minute and second stand there",
-            ));
-        }
-        Ok(GpsTime::from_calendar(year, month, day, hour, minute, second))
+    pub fn epoch(&self, at: usize, start: usize, year_digits: usize) -> Result<GpsTime, ReadError> {
+        self.line(at).epoch(start, year_digits, if year_digits == 2 { 5 } else { 3 })
     }
 }

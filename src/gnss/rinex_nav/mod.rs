@@ -11,36 +11,12 @@ mod lines;
 use super::atmosphere::Klobuchar;
 use super::ephemeris::ura_index;
 use super::navigation_data::UtcParameters;
+use super::records::{ReadError, ascii, read_text};
 use super::time::SECONDS_PER_WEEK;
 use super::{Ephemeris, NavigationData, Sv};
 use header::{Header, utc_parameters};
 use lines::Lines;
-use std::path::{Path, PathBuf};
-
-/// Why a file cannot be read as RINEX navigation data.
-#[derive(Debug, thiserror::Error)]
-pub enum RinexError {
-    /// The file cannot be opened or read.
-    #[error("reading the RINEX file {path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// A line is not what the format asks for.
-    #[error("reading RINEX {file}, line {line}: {problem}; {right}")]
-    Malformed {
-        /// The file.
-        file: String,
-        /// Line number, from 1.
-        line: usize,
-        /// What is there.
-        problem: String,
-        /// What would be right.
-        right: String,
-    },
-}
+use std::path::Path;
 
 /// What a navigation file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,25 +33,17 @@ pub struct NavigationFile {
 ///
 /// # Errors
 /// When the file cannot be read, is compressed, is no navigation file or has a malformed record.
-pub fn read(path: impl AsRef<Path>) -> Result<NavigationData, RinexError> {
+pub fn read(path: impl AsRef<Path>) -> Result<NavigationData, ReadError> {
     let path = path.as_ref();
-    let bytes =
-        std::fs::read(path).map_err(|source| RinexError::Io { path: path.to_owned(), source })?;
-    let name = path.display().to_string();
-    if bytes.starts_with(&[0x1F, 0x8B]) || bytes.starts_with(&[0x1F, 0x9D]) {
-        let lines = Lines { file: &name, lines: Vec::new() };
-        return Err(lines.malformed(0, "the file is compressed", "unpack it with gzip -d first"));
-    }
-    Ok(parse(&String::from_utf8_lossy(&bytes), &name)?.data)
+    Ok(parse(&read_text("RINEX", path)?, &path.display().to_string())?.data)
 }
 
 /// Parses the text of a RINEX navigation file; `name` stands in error messages.
 ///
 /// # Errors
 /// When the text is no RINEX navigation file or a record is malformed.
-pub fn parse(text: &str, name: &str) -> Result<NavigationFile, RinexError> {
-    // Columns are counted in bytes: anything beyond ASCII (names in comments) becomes one '?'.
-    let ascii: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
+    let ascii = ascii(text);
     let lines = Lines { file: name, lines: ascii.lines().map(str::trim_end).collect() };
     let (header, mut at) = Header::read(&lines)?;
     let mut file =
@@ -116,14 +84,14 @@ fn ephemeris(
     range: std::ops::Range<usize>,
     sv: Sv,
     header: &Header,
-) -> Result<Ephemeris, RinexError> {
+) -> Result<Ephemeris, ReadError> {
     let first = range.start;
     let (toc, column) = if header.version < 3.0 {
         (lines.epoch(first, 3, 2)?, 3)
     } else {
         (lines.epoch(first, 4, 4)?, 4)
     };
-    let field = |k: usize| -> Result<Option<f64>, RinexError> {
+    let field = |k: usize| -> Result<Option<f64>, ReadError> {
         let (row, slot) = (k / 4, k % 4);
         if first + row >= range.end {
             Ok(None)
@@ -131,7 +99,7 @@ fn ephemeris(
             lines.real(first + row, column + 19 * slot, 19)
         }
     };
-    let within = |k: usize, name: &str, min: f64, max: f64| -> Result<f64, RinexError> {
+    let within = |k: usize, name: &str, min: f64, max: f64| -> Result<f64, ReadError> {
         let at = (first + k / 4).min(range.end - 1);
         let value = field(k)?;
         value.filter(|v| (min..=max).contains(v)).ok_or_else(|| {
@@ -194,8 +162,8 @@ fn ephemeris(
 }
 
 /// A version 4 `ION` record of LNAV: alpha 0-2; alpha 3, beta 0-2; beta 3.
-fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, RinexError> {
-    let field = |k: usize| -> Result<f64, RinexError> {
+fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, ReadError> {
+    let field = |k: usize| -> Result<f64, ReadError> {
         let at = first + k / 4;
         lines.real(at, 4 + 19 * (k % 4), 19)?.ok_or_else(|| {
             lines.malformed(
@@ -212,7 +180,7 @@ fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, RinexError> {
 }
 
 /// A version 4 `STO` record of GPS minus UTC: epoch and `GPUT`; time sent, A0, A1.
-fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, RinexError> {
+fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, ReadError> {
     let field = |slot: usize| lines.real(first + 1, 4 + 19 * slot, 19);
     match (field(1)?, field(2)?) {
         (Some(a0), Some(a1)) => Ok(utc_parameters(a0, a1, lines.epoch(first, 4, 4)?)),

@@ -1,9 +1,12 @@
 //! The full model on exact, noisy and faulty observations of known truth.
 
+use super::super::sight::Sight;
 use super::super::synthetic::{Truth, navigation_data};
 use super::*;
 use crate::gnss::Ephemeris;
 use crate::gnss::atmosphere::Troposphere;
+use crate::gnss::coordinates::Geodetic;
+use crate::positioning::{Height, Robust, Solver};
 use nalgebra::Matrix3;
 
 const MASK: f64 = 0.1;
@@ -155,5 +158,67 @@ fn errors_name_the_cause() {
     for observation in &epoch.observations {
         clones.insert(Ephemeris { sv: observation.sv, ..first.clone() });
     }
-    fails(&truth.observe(&clones, &options, MASK), &clones, "singular");
+    fails(&truth.observe(&clones, &options, MASK), &clones, "one plane");
+}
+
+#[test]
+fn dopplers_alone_and_both_observables_give_position_and_drift_back() {
+    let (nav, positioning) = (navigation_data(), PositioningOptions::default());
+    let truth = Truth { drift_sps: 6e-6, ..Truth::at_rest() };
+    let epoch = truth.observe(&nav, &positioning, MASK);
+    // Dopplers are differences over a second: good to 1e-5 m/s, which dilutions of 1e4 to 1e5 s turn into 1 m.
+    for (observable, limit_m) in [(Observable::Doppler, 1.0), (Observable::Both, 1e-2)] {
+        for solver in [Solver::AwDgnBt, Solver::Vp] {
+            let options = SolveOptions { observable, solver, ..SolveOptions::default() };
+            let mut steps = 0;
+            let fix = solve_observed(&epoch, &nav, &options, &mut |_| steps += 1).unwrap();
+            let error_m = (fix.position_m - truth.position_m).norm();
+            assert!(error_m < limit_m, "{observable:?}: {error_m}");
+            let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
+            assert!(drift.abs() * SPEED_OF_LIGHT < 1e-3);
+            assert_eq!(fix.solver, solver.name());
+            assert!(fix.velocity_mps.is_none() && steps > 2 && steps < fix.iterations);
+            assert_eq!(fix.clock_bias_s.is_nan(), observable == Observable::Doppler);
+        }
+    }
+}
+
+#[test]
+fn a_known_height_takes_the_place_of_a_satellite() {
+    let (nav, truth) = (navigation_data(), Truth::at_rest());
+    let options = SolveOptions { observable: Observable::Doppler, ..SolveOptions::default() };
+    let mut epoch = truth.observe(&nav, &options.positioning, MASK);
+    // 0.2 Hz of error, alternating.
+    for (k, observation) in epoch.observations.iter_mut().enumerate() {
+        observation.doppler_hz += if k % 2 == 0 { 0.2 } else { -0.2 };
+    }
+    let free = solve_observed(&epoch, &nav, &options, &mut |_| ()).unwrap();
+    let height = Some(Height { height_m: 10.0, sigma_m: 1.0 });
+    let held = SolveOptions { height, ..options };
+    let held = solve_observed(&epoch, &nav, &held, &mut |_| ()).unwrap();
+    let up = |fix: &Fix| Geodetic::from_ecef(&fix.position_m).height - 10.0;
+    // A standard deviation at most, against 0.04 m/s times a dilution of 1e3 s.
+    assert!(up(&held).abs() < 1.0 && up(&free).abs() > 10.0, "{} {}", up(&held), up(&free));
+    assert!(held.covariance[(2, 2)] < 1.0 + 1e-9);
+}
+
+#[test]
+fn robust_weights_bound_what_a_faulty_satellite_does() {
+    let (nav, truth) = (navigation_data(), Truth::at_rest());
+    let plain = SolveOptions { exclusion: Exclusion::Off, ..SolveOptions::default() };
+    let mut epoch = truth.observe(&nav, &plain.positioning, MASK);
+    let faulty = shift(&mut epoch, 2, 300.0);
+    let solve = |robust| {
+        let options = SolveOptions { robust, ..plain };
+        let fix = solve_observed(&epoch, &nav, &options, &mut |_| ()).unwrap();
+        ((fix.position_m - truth.position_m).norm(), fix.excluded)
+    };
+    let (none, huber, igg3) = (solve(Robust::None), solve(Robust::Huber), solve(Robust::Igg3));
+    // Huber leaves a pull of 1.345 deviations, IGG-III nothing: exact data are found.
+    assert!(none.0 > 50.0 && huber.0 < 0.5 * none.0, "{} {}", none.0, huber.0);
+    assert!(igg3.0 < 1e-3, "{}", igg3.0);
+    assert_eq!((none.1, huber.1, igg3.1), (vec![], vec![], vec![faulty]));
+    let refuse = SolveOptions { exclusion: Exclusion::Refuse, ..plain };
+    let error = solve_observed(&epoch, &nav, &refuse, &mut |_| ()).unwrap_err().to_string();
+    assert!(error.contains(&faulty.to_string()), "{error}");
 }

@@ -1,0 +1,154 @@
+//! Reader of RINEX observation files: versions 2.10 to 2.12, 3.0x and 4.0x, GPS and QZSS L1 C/A.
+//!
+//! Sources: RINEX 2.11 tables A1 and A2, 3.04 tables A2 and A3. Of version 2 the code is C1, and P1 where
+//! C1 is missing; of versions 3 and 4 it is C1C; beside it L1, D1 and S1 (L1C, D1C, S1C). Satellites of
+//! other systems, and those without code and Doppler, are skipped and counted. A Doppler is positive when
+//! the satellite approaches. Standard deviations are those of [`typical_noise`] at the file's C/N0, which is
+//! S1, or else the middle of the class that the signal strength digit names, or else unknown (NaN).
+//!
+//! Read as tolerantly as files in the wild need: labels in any case, D exponents, CRLF, comments between
+//! any lines, missing trailing fields, event records and cycle-slip records. What is wrong comes back with
+//! file, line and what would be right.
+
+mod header;
+mod records;
+#[cfg(test)]
+mod tests;
+
+pub use header::ObservationHeader;
+
+use super::ObservationEpoch;
+#[cfg(doc)]
+use super::typical_noise;
+use crate::gnss::ReadError;
+use crate::gnss::records::{Line, ascii, compressed, is_compressed};
+use header::Signals;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+/// Longest line, bytes: 5000 fields.
+const LONGEST_LINE: u64 = 80_000;
+
+/// Epochs of a RINEX observation file, one after the other: memory does not grow with the file.
+pub struct ObservationReader<R> {
+    source: Source<R>,
+    header: ObservationHeader,
+    signals: Signals,
+    /// Start of the file, for the epochs' `sample`.
+    first: Option<crate::gnss::GpsTime>,
+    skipped: usize,
+    ended: bool,
+}
+
+/// Opens a RINEX observation file and reads its header.
+///
+/// # Errors
+/// When the file cannot be read, is compressed, is no observation file or has a malformed header.
+pub fn open(path: impl AsRef<Path>) -> Result<ObservationReader<BufReader<File>>, ReadError> {
+    let path = path.as_ref();
+    let file = File::open(path).map_err(|source| ReadError::Io {
+        format: "RINEX",
+        path: path.to_owned(),
+        source,
+    })?;
+    ObservationReader::new(BufReader::with_capacity(1 << 16, file), &path.display().to_string())
+}
+
+impl<R: BufRead> ObservationReader<R> {
+    /// Reads the header of an observation file; `name` stands in error messages.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn new(input: R, name: &str) -> Result<Self, ReadError> {
+        let mut source =
+            Source { input, name: name.to_owned(), text: String::new(), number: 0, bytes: 0 };
+        let (header, signals) = header::read(&mut source)?;
+        Ok(Self { source, header, signals, first: None, skipped: 0, ended: false })
+    }
+
+    /// What the header says.
+    pub fn header(&self) -> &ObservationHeader {
+        &self.header
+    }
+
+    /// Satellites of epochs so far that were skipped: of other systems, or without code and Doppler.
+    pub fn skipped(&self) -> usize {
+        self.skipped
+    }
+
+    /// Bytes read so far.
+    pub fn bytes(&self) -> u64 {
+        self.source.bytes
+    }
+}
+
+/// Epochs in the order of the file; `sample` counts seconds from the first. After an error there are no more.
+impl<R: BufRead> Iterator for ObservationReader<R> {
+    type Item = Result<ObservationEpoch, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        let epoch = records::next_epoch(self).transpose();
+        self.ended = !matches!(epoch, Some(Ok(_)));
+        epoch
+    }
+}
+
+/// Lines of a file without its comments.
+struct Source<R> {
+    input: R,
+    name: String,
+    text: String,
+    number: usize,
+    bytes: u64,
+}
+
+impl<R: BufRead> Source<R> {
+    /// Goes to the next line; false at the end of the file.
+    fn step(&mut self) -> Result<bool, ReadError> {
+        let mut bytes = Vec::new();
+        let read = (&mut self.input).take(LONGEST_LINE).read_until(b'\n', &mut bytes);
+        let read = read.map_err(|source| ReadError::Io {
+            format: "RINEX",
+            path: self.name.as_str().into(),
+            source,
+        })?;
+        self.bytes += read as u64;
+        self.number += 1;
+        if self.number == 1 && is_compressed(&bytes) {
+            return Err(compressed("RINEX", &self.name));
+        }
+        self.text = ascii(String::from_utf8_lossy(&bytes).trim_end());
+        if read as u64 == LONGEST_LINE {
+            let problem = format!("the line is longer than {LONGEST_LINE} bytes");
+            return Err(self.line().malformed(problem, "RINEX files are text"));
+        }
+        Ok(read > 0)
+    }
+
+    /// Goes to the next line that is no comment; false at the end of the file.
+    fn advance(&mut self) -> Result<bool, ReadError> {
+        loop {
+            let there = self.step()?;
+            if !there || !self.line().columns(60, 20).eq_ignore_ascii_case("COMMENT") {
+                return Ok(there);
+            }
+        }
+    }
+
+    /// Goes to the next line, which must be there: `what` says what it holds.
+    fn expect(&mut self, what: &str) -> Result<(), ReadError> {
+        if self.advance()? {
+            return Ok(());
+        }
+        let right = format!("{what} follow");
+        Err(self.line().malformed("the file ends in the middle of a record", right))
+    }
+
+    fn line(&self) -> Line<'_> {
+        Line { format: "RINEX", file: &self.name, number: self.number, text: &self.text }
+    }
+}

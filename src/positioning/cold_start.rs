@@ -1,0 +1,90 @@
+//! From the Earth's centre to the region of the receiver, by a bare solver on satellite states.
+//!
+//! Pseudoranges `P` are of the satellite at the time of transmission `t_r - P/c - dt_s`, which no error of
+//! the receiver's clock touches, and lack only atmosphere and Earth rotation: some 50 m. Dopplers are of the
+//! satellite 75 ms before reception; the light time left out, +-8 ms, is 10 m of 4 km/s in position.
+
+use super::adjustment::{Adjustment, BIAS, DRIFT, Unknowns};
+use super::error::PositioningError;
+use super::model::{Doppler, Pseudorange, Satellite};
+use super::observations::{Both, Observed, Sigma};
+use super::options::Observable;
+use super::outcome::Step;
+use super::sight::Sighting;
+use super::solver::Solver;
+use crate::gnss::SatelliteState;
+use crate::gnss::constants::SPEED_OF_LIGHT;
+
+/// Time of flight of a signal, s.
+const FLIGHT_S: f64 = 0.075;
+/// What the bare model of a pseudorange leaves out, m: Earth rotation, atmosphere.
+const BARE_RANGE_SIGMA_M: f64 = 50.0;
+/// What the bare model of a range rate leaves out, m/s: Earth rotation and the dilation of time.
+const BARE_RATE_SIGMA_MPS: f64 = 0.05;
+
+/// Observations of one kind, as the bare solvers take them.
+#[derive(Default)]
+struct Column {
+    satellites: Vec<Satellite>,
+    values: Vec<f64>,
+    sigmas: Vec<f64>,
+}
+
+impl Column {
+    fn push(&mut self, state: &SatelliteState, value: f64, sigma: f64) {
+        let (position_m, velocity_mps) = (state.position_m, state.velocity_mps);
+        self.satellites.push(Satellite { position_m, velocity_mps });
+        self.values.push(value);
+        self.sigmas.push(sigma);
+    }
+
+    fn observed<M: super::model::ObservationModel>(&self, weighted: bool) -> Observed<'_, M> {
+        let observed = Observed::new(&self.satellites, &self.values);
+        if weighted { observed.with_sigma(Sigma::Each(&self.sigmas)) } else { observed }
+    }
+}
+
+/// State and linearisations of the solver that the options name. `trace` sees each accepted step.
+pub(super) fn cold_start(
+    adjustment: &Adjustment,
+    set: &[Sighting],
+    trace: &mut dyn FnMut(&Step),
+) -> Result<(Unknowns, usize), PositioningError> {
+    let (mut ranges, mut rates) = (Column::default(), Column::default());
+    let time = adjustment.receive_time;
+    for s in set {
+        if adjustment.options.observable != Observable::Doppler {
+            let sent = time - s.range_m / SPEED_OF_LIGHT;
+            let clock_s = s.orbit.state(sent).clock_bias_s;
+            let state = s.orbit.state(sent - clock_s);
+            let sigma = s.observation.range_sigma_m.hypot(BARE_RANGE_SIGMA_M);
+            ranges.push(&state, s.range_m + SPEED_OF_LIGHT * state.clock_bias_s, sigma);
+        }
+        if let Some((rate, sigma)) = s.range_rate() {
+            let state = s.orbit.state(time - FLIGHT_S);
+            let rate = rate + SPEED_OF_LIGHT * state.clock_drift_sps;
+            rates.push(&state, rate, sigma.hypot(BARE_RATE_SIGMA_MPS));
+        }
+    }
+    let solver = adjustment.options.solver;
+    // The paper's solvers are unweighted; only deviations let variable projection prove its result.
+    let weighted = matches!(solver, Solver::Vp | Solver::VpOnce);
+    let solution = match adjustment.options.observable {
+        Observable::Pseudorange => solver.solve(&ranges.observed::<Pseudorange>(weighted), trace),
+        Observable::Doppler => solver.solve(&rates.observed::<Doppler>(weighted), trace),
+        Observable::Both if rates.values.is_empty() => {
+            solver.solve(&ranges.observed::<Pseudorange>(weighted), trace)
+        }
+        Observable::Both => {
+            let both = Both { pseudoranges: ranges.observed(true), dopplers: rates.observed(true) };
+            solver.solve(&both, trace)
+        }
+    };
+    let solution =
+        solution.map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
+    let place = solution.state.position_m;
+    let mut state = Unknowns::new(place.x, place.y, place.z, 0.0, 0.0);
+    state[BIAS] = solution.state.bias_m.unwrap_or(0.0);
+    state[DRIFT] = solution.state.drift_mps.unwrap_or(0.0);
+    Ok((state, solution.iterations))
+}
