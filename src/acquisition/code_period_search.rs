@@ -15,7 +15,7 @@
 
 use super::search::{add_power, multiply, phasor};
 use super::{Acquisition, AcquisitionError};
-use crate::acquisition::carrier::estimate_carrier;
+use crate::acquisition::carrier::{CarrierSpan, estimate_carrier};
 use crate::array::code_period_svd::{CodePeriodSvd, CodePeriods, add_product, product};
 use crate::array::{CMat, Signature};
 use crate::gnss::Sv;
@@ -364,7 +364,8 @@ impl<'a> Search<'a> {
                 sum * Complex64::cis(-TAU * cell.doppler_hz * CA_CODE_PERIOD * k as f64)
             })
             .collect();
-        let rest = estimate_carrier(&beam, 0.5 * DOPPLER_STEP_HZ).map_or(0.0, |c| c.frequency_hz);
+        let span = CarrierSpan { frequency_hz: 0.5 * DOPPLER_STEP_HZ, rate_hz_s: 0.0 };
+        let rest = estimate_carrier(&beam, span).map_or(0.0, |c| c.frequency_hz);
         let doppler_hz = cell.doppler_hz + if periods > 1 { rest } else { 0.0 };
         let power: f64 = (0..periods)
             .flat_map(|k| (0..elements).map(move |m| (m, k)))

@@ -58,6 +58,7 @@ pub fn find_slip(samples: &[Complex32], rate_hz: f64, found: &[Acquisition]) -> 
                 SearchOptions {
                     satellites: vec![a.sv],
                     doppler_hz: (a.doppler_hz - 100.0, a.doppler_hz + 100.0),
+                    doppler_rate_hz_s: 0.0,
                     coherent_ms: LOOK_MS.0,
                     max_windows: LOOK_MS.1,
                     false_alarm: 1e-4,

@@ -7,7 +7,7 @@
 //! Kaplan & Hegarty, 3rd ed., 8.6).
 
 use super::Acquisition;
-use super::carrier::estimate_carrier;
+use super::carrier::{CarrierSpan, estimate_carrier};
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ};
 use num_complex::Complex64;
@@ -21,6 +21,10 @@ const TAP_CHIPS: [f64; 2] = [0.5, 0.25];
 pub struct Refined {
     /// Doppler (mean over the snapshot), code phase (at its first sample) and C/N0, refined.
     pub acquisition: Acquisition,
+    /// Rate of the Doppler, Hz/s; 0 where none was looked for.
+    pub doppler_rate_hz_s: f64,
+    /// When the Doppler is as told: this long after the first sample, s.
+    pub doppler_at_s: f64,
     /// Standard deviation of the Doppler, Hz.
     pub doppler_sigma_hz: f64,
     /// Standard deviation of the code phase, chips.
@@ -43,6 +47,8 @@ impl Refined {
     pub fn unrefined(found: &Acquisition, rate_hz: f64, coherent_ms: usize) -> Self {
         Self {
             acquisition: *found,
+            doppler_rate_hz_s: 0.0,
+            doppler_at_s: 0.0,
             doppler_sigma_hz: 500.0 / coherent_ms as f64 / 12f64.sqrt(),
             code_sigma_chips: CA_CHIP_RATE / rate_hz / 12f64.sqrt(),
             code_rate_excess: 0.0,
@@ -59,6 +65,7 @@ pub struct Refiner<'a> {
     rate_hz: f64,
     start: u64,
     end: u64,
+    doppler_rate_hz_s: f64,
 }
 
 impl<'a> Refiner<'a> {
@@ -69,7 +76,15 @@ impl<'a> Refiner<'a> {
             rate_hz,
             start: start.max(samples.first_sample()),
             end: end.min(samples.end()),
+            doppler_rate_hz_s: 0.0,
         }
+    }
+
+    /// Looks for rates of the Doppler up to `doppler_rate_hz_s` (Hz/s) either way: satellites in low orbits
+    /// reach 600, those in high ones stay below 1.
+    #[must_use]
+    pub fn with_doppler_rate(self, doppler_rate_hz_s: f64) -> Self {
+        Self { doppler_rate_hz_s, ..self }
     }
 
     /// Refines one acquisition whose code phase refers to the first sample of the window. `search_hz` is
@@ -124,7 +139,8 @@ impl<'a> Refiner<'a> {
             })
             .collect();
         let prompts: Vec<Complex64> = sums.iter().map(|s| s[1]).collect();
-        let carrier = estimate_carrier(&prompts, span_hz)?;
+        let span = CarrierSpan { frequency_hz: span_hz, rate_hz_s: self.doppler_rate_hz_s };
+        let carrier = estimate_carrier(&prompts, span)?;
         let count = prompts.len() as f64;
 
         let wiped = |tap: usize, range: std::ops::Range<usize>| -> Complex64 {
@@ -164,11 +180,15 @@ impl<'a> Refiner<'a> {
                 cn0_dbhz: 10.0 * cn0.log10(),
                 ..*now
             },
+            doppler_rate_hz_s: carrier.rate_hz_s,
+            doppler_at_s: middle_s,
             doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * CA_CODE_PERIOD),
             code_sigma_chips,
             code_rate_excess,
             code_rate_sigma: code_sigma_chips * 2.0 * 2f64.sqrt() / (duration / 2.0),
-            carrier_phase: (carrier.phase / TAU - carrier.frequency_hz * middle_s).rem_euclid(1.0),
+            carrier_phase: (carrier.phase / TAU
+                - (carrier.frequency_hz - 0.5 * carrier.rate_hz_s * middle_s) * middle_s)
+                .rem_euclid(1.0),
             bit_edge: carrier.bit_edge,
         })
     }

@@ -27,6 +27,9 @@ pub struct SearchOptions {
     pub satellites: Vec<Sv>,
     /// Doppler interval, Hz, both ends included.
     pub doppler_hz: (f64, f64),
+    /// Greatest rate of the Doppler, Hz/s, either way, that the refinement looks for; the search itself takes
+    /// none into account, which loses nothing below 1 / (8 T^2) for windows of T seconds.
+    pub doppler_rate_hz_s: f64,
     /// Coherent integration, whole ms (1 to 20).
     pub coherent_ms: usize,
     /// Greatest number of coherent windows summed non-coherently.
@@ -42,6 +45,7 @@ impl Default for SearchOptions {
         Self {
             satellites: Sv::all_gps().collect(),
             doppler_hz: (-5000.0, 5000.0),
+            doppler_rate_hz_s: 0.0,
             coherent_ms: 10,
             max_windows: 2,
             false_alarm: 1e-3,
@@ -446,6 +450,7 @@ mod tests {
         let options = SearchOptions {
             satellites: vec!["G05".parse().unwrap()],
             doppler_hz: (-500.0, 500.0),
+            doppler_rate_hz_s: 0.0,
             coherent_ms: 1,
             max_windows: 1,
             false_alarm: 0.01,

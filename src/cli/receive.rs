@@ -28,6 +28,10 @@ pub struct Receive {
     /// Greatest Doppler, Hz, either way: satellites make 5k, the oscillator's error adds to it
     #[arg(long, value_name = "HZ", default_value = "5k", value_parser = si_number, help_heading = "Search")]
     pub doppler_max: f64,
+    /// Greatest rate of the Doppler, Hz/s, either way: satellites in low orbits reach 600
+    /// [default: 600 where --doppler-max is above 10k, else 0]
+    #[arg(long, value_name = "HZ/S", value_parser = si_number, help_heading = "Search")]
+    pub doppler_rate_max: Option<f64>,
     /// Coherent integration of the search, ms, 1 to 20
     #[arg(long, value_name = "MS", default_value_t = 10, help_heading = "Search")]
     pub search_ms: usize,
@@ -164,10 +168,12 @@ impl Receive {
     /// The receiver's options for a stream.
     pub fn options(&self, info: &StreamInfo) -> ReceiverOptions {
         let automatic = ((info.rate_hz / ENOUGH_RATE_HZ) as usize).max(1);
+        let low_orbit_rate = if self.doppler_max.abs() > 10e3 { 600.0 } else { 0.0 };
         ReceiverOptions {
             search: SearchOptions {
                 satellites: self.prn.0.clone(),
                 doppler_hz: (-self.doppler_max.abs(), self.doppler_max.abs()),
+                doppler_rate_hz_s: self.doppler_rate_max.unwrap_or(low_orbit_rate).abs(),
                 coherent_ms: self.search_ms,
                 max_windows: self.search_windows,
                 false_alarm: self.pfa,

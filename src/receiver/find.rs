@@ -94,6 +94,7 @@ impl Region<'_> {
         let own = spatial.as_ref().map(|s| self.beam_buffer(&s.1));
         let buffer = own.as_ref().unwrap_or(&self.buffers[0]);
         let refined = Refiner::new(buffer, self.rate_hz, self.start, self.end)
+            .with_doppler_rate(searched.doppler_rate_hz_s)
             .refine(cell, &table, span_hz)
             .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
         // Once more where the code and the carrier really are.

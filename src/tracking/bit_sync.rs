@@ -3,7 +3,7 @@
 //! The likeliest edge is searched together with what is left of the Doppler ([`estimate_carrier`]): it
 //! needs neither phase lock nor a perfect frequency.
 
-use crate::acquisition::carrier::estimate_carrier;
+use crate::acquisition::carrier::{CarrierSpan, estimate_carrier};
 use num_complex::Complex64;
 
 /// Code periods in a data bit.
@@ -104,7 +104,8 @@ impl BitSynchroniser {
         if neighbours.norm() < LEAST_SNR * (total - neighbours.norm()) {
             return None;
         }
-        let carrier = estimate_carrier(run, SPAN_HZ)?;
+        let span = CarrierSpan { frequency_hz: SPAN_HZ, rate_hz_s: 0.0 };
+        let carrier = estimate_carrier(run, span)?;
         let first = self.first + skipped as u64;
         Some((first + carrier.bit_edge? as u64) % PERIODS_PER_BIT as u64)
     }

@@ -43,8 +43,10 @@ impl Default for TrackingOptions {
 pub struct TrackStart {
     /// Stream index of the sample that the acquisition's code phase refers to.
     pub sample: u64,
-    /// What was acquired.
+    /// What was acquired, the Doppler as it is at that sample.
     pub acquisition: Acquisition,
+    /// Rate of the Doppler, Hz/s.
+    pub doppler_rate_hz_s: f64,
     /// Carrier phase at that sample, cycles.
     pub carrier_phase: f64,
     /// Whole code period after that sample (0 to 19) that starts a data bit, if known.
@@ -54,9 +56,12 @@ pub struct TrackStart {
 impl TrackStart {
     /// From a refined acquisition whose snapshot starts at the stream index `sample`.
     pub fn from_refined(refined: &Refined, sample: u64) -> Self {
+        let doppler_hz =
+            refined.acquisition.doppler_hz - refined.doppler_rate_hz_s * refined.doppler_at_s;
         Self {
             sample,
-            acquisition: refined.acquisition,
+            acquisition: Acquisition { doppler_hz, ..refined.acquisition },
+            doppler_rate_hz_s: refined.doppler_rate_hz_s,
             carrier_phase: refined.carrier_phase,
             bit_edge: refined.bit_edge,
         }
@@ -133,7 +138,7 @@ impl Channel {
             carrier_cycles: start.carrier_phase + doppler_hz * wait_s,
             carrier_hz: doppler_hz,
             code_correction: 0.0,
-            filter: CarrierFilter::new(doppler_hz),
+            filter: CarrierFilter::new(doppler_hz, start.doppler_rate_hz_s),
             interval: Interval::default(),
             last_prompt: None,
             lock: LockDetector::default(),
@@ -313,7 +318,7 @@ mod tests {
             statistic: 0.0,
             false_alarm: 0.0,
         };
-        let start = TrackStart { sample: 0, acquisition, carrier_phase: 0.2, bit_edge: edge };
+        let start = TrackStart { sample: 0, acquisition, doppler_rate_hz_s: 0.0, carrier_phase: 0.2, bit_edge: edge };
         let mut channel = Channel::new(&start, RATE, options);
         let (mut epochs, mut bits) = (Vec::new(), Vec::new());
         channel.process(&buffer, &mut epochs, &mut bits);

@@ -9,9 +9,9 @@ pub struct CarrierFilter {
 }
 
 impl CarrierFilter {
-    /// Starts at a Doppler, Hz, that does not change.
-    pub fn new(doppler_hz: f64) -> Self {
-        Self { acceleration: 0.0, velocity: doppler_hz }
+    /// Starts at a Doppler, Hz, and its rate, Hz/s.
+    pub fn new(doppler_hz: f64, rate_hz_s: f64) -> Self {
+        Self { acceleration: rate_hz_s, velocity: doppler_hz }
     }
 
     /// Takes the phase error (cycles) and, while pulling in, the frequency error (Hz) over the last
@@ -57,7 +57,7 @@ mod tests {
     /// A third-order loop follows a constant Doppler rate with no phase error left.
     #[test]
     fn a_doppler_ramp_is_followed_without_error() {
-        let (mut filter, mut replica, interval) = (CarrierFilter::new(1000.0), 0.0, 0.01);
+        let (mut filter, mut replica, interval) = (CarrierFilter::new(1000.0, 0.0), 0.0, 0.01);
         let (mut truth, mut doppler, mut error) = (0.1f64, 1000.0, 0.0);
         let mut nco = 1000.0;
         for _ in 0..2000 {
