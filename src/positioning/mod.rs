@@ -4,9 +4,12 @@
 //! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
 pub mod aw_dgn_bt;
+pub mod bancroft;
+mod belief;
 mod coarse_time;
 mod error;
 mod fix;
+mod gram_schmidt;
 pub mod least_squares;
 pub mod model;
 pub mod observations;

@@ -1,6 +1,7 @@
 //! Every solver by its name, as on a command line.
 
 use super::aw_dgn_bt::{Damping, iterate};
+use super::bancroft::bancroft_gn;
 use super::observations::Observations;
 use super::outcome::{Failure, Solution, State, Step};
 use super::variable_projection::variable_projection;
@@ -8,7 +9,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// A position solver that starts without prior knowledge of the place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Solver {
     /// `gn`: Gauss-Newton with full steps.
     Gn,
@@ -20,14 +21,17 @@ pub enum Solver {
     AwDgn(f64),
     /// `aw-dgn-bt`: as `adgn-bt`, with the altitude wall.
     AwDgnBt,
-    /// `vp`: variable projection with restarts.
+    /// `vp`: variable projection with restarts, the most robust.
+    #[default]
     Vp,
     /// `vp-once`: the same without restarts.
     VpOnce,
+    /// `bancroft`: Bancroft's algebraic solution refined by Gauss-Newton; pseudoranges only.
+    Bancroft,
 }
 
 /// The names that [`Solver`] is parsed from.
-const NAMES: &str = "gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, vp-once";
+const NAMES: &str = "gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, vp-once, bancroft";
 
 /// A name that is not that of a solver.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -67,6 +71,7 @@ impl Solver {
             Self::AwDgnBt => Damping::AW_DGN_BT,
             Self::Vp => return variable_projection(observations, true, trace),
             Self::VpOnce => return variable_projection(observations, false, trace),
+            Self::Bancroft => return bancroft_gn(observations, trace),
         };
         iterate(observations, &damping, &State::CENTRE, trace)
     }
@@ -82,6 +87,7 @@ impl fmt::Display for Solver {
             Self::AwDgnBt => write!(f, "aw-dgn-bt"),
             Self::Vp => write!(f, "vp"),
             Self::VpOnce => write!(f, "vp-once"),
+            Self::Bancroft => write!(f, "bancroft"),
         }
     }
 }
@@ -107,6 +113,7 @@ impl FromStr for Solver {
             "aw-dgn-bt" => Self::AwDgnBt,
             "vp" => Self::Vp,
             "vp-once" => Self::VpOnce,
+            "bancroft" => Self::Bancroft,
             _ => return Err(SolverNameError::Unknown { name: text.to_owned() }),
         };
         match parameter {

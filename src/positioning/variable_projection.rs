@@ -24,6 +24,7 @@
 //! redundancy every place fits: the sphere comes first, and all starts are used to look for a second
 //! solution, which is reported.
 
+use super::belief::{WALL_M, above_the_ground, believed_costs, near_the_surface};
 use super::model::Satellite;
 use super::observations::Observations;
 use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
@@ -35,17 +36,10 @@ const EPS: f64 = 1e-5;
 const TAU: f64 = 1e-8;
 const ETA: f64 = 1e-6;
 const K_MAX: usize = 100;
-/// Height of the wall above the mean radius, m.
-const WALL_M: f64 = 50e3;
-/// Depth below the mean radius, m, down to which a place is believed.
-const DEPTH_M: f64 = 100e3;
 /// Above this many metres the second-order term is worth its cost: below, it is under a micrometre.
 const CURVED_M: f64 = 1.0;
 /// Iterates at the wall, one after the other, that mean a jam.
 const MAX_PROJECTED: usize = 8;
-/// Costs per redundant observation that are believed at once, and at all: 2.5 and 5 deviations.
-const EARLY: f64 = 6.25;
-const BELIEVED: f64 = 25.0;
 /// Starts still to try after one that is believed, but not at once.
 const MORE_STARTS: usize = 4;
 /// Solutions nearer to each other than this, m, are the same.
@@ -117,9 +111,7 @@ fn solve<O: Observations, const N: usize>(
     let system = System::<O, N>::new(observations)?;
     let redundancy = system.redundancy();
     let known = observations.sigma_known();
-    let per_degree =
-        |limit: f64| if known { limit * redundancy.max(1) as f64 } else { f64::INFINITY };
-    let (early, believed) = (per_degree(EARLY), per_degree(BELIEVED));
+    let [early, believed] = believed_costs(observations, redundancy);
     let mut solver = Solver {
         centroid: centroid((0..system.rows()).map(|row| observations.satellite(row))),
         system,
@@ -206,9 +198,10 @@ fn solve<O: Observations, const N: usize>(
 
 /// Whether a place can be believed by its height: without wall, only the residuals bound it above.
 fn plausible(minimum: &Minimum, start: Start) -> bool {
-    let height = minimum.position_m.norm() - EARTH_RADIUS;
-    let free = matches!(start, Start::CentroidWithoutWall);
-    height > -DEPTH_M && (height <= WALL_M || free && height.is_finite())
+    match start {
+        Start::CentroidWithoutWall => above_the_ground(&minimum.position_m),
+        _ => near_the_surface(&minimum.position_m),
+    }
 }
 
 /// Unit vector to the mean direction of the satellites; the north pole's if they lie all around.
@@ -272,7 +265,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             let (clocks, _) = look(&self.system, &place, buffer);
             if self.system.step(&buffer.seen, &buffer.right).is_none() {
                 let state = self.system.state(place, clocks);
-                return Err(self.system.diagnose(&buffer.seen, state, self.iterations));
+                return Err(self.system.diagnose(state, self.iterations));
             }
             let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
             let step = self.system.step_within(&basis);
@@ -294,7 +287,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             let iterations = self.iterations;
             let state = system.state(position, clocks);
             let Some((d, _)) = system.step(&here.seen, &here.right) else {
-                return Err(system.diagnose(&here.seen, state, iterations));
+                return Err(system.diagnose(state, iterations));
             };
             let length = d.norm();
             let mut a = Vector3::zeros();
@@ -340,7 +333,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             });
             (position, clocks, phi) = (next, clocks_next, phi_next);
             if mu * length < EPS {
-                if let Some(row) = system.coincident(&here.seen) {
+                if let Some(row) = system.coincident(&position) {
                     return Err(Failure::Coincident { row });
                 }
                 let covariance = system.covariance();
