@@ -12,7 +12,7 @@
 //! With four both roots are exact; both are given where both lie near the Earth's surface.
 
 use super::aw_dgn_bt::{Damping, iterate};
-use super::belief::{believed_costs, near_the_surface};
+use super::belief::{SAME_M, believed_costs, near_the_surface};
 use super::gram_schmidt::orthogonalise;
 use super::observations::Observations;
 use super::outcome::{Ambiguity, Failure, Solution, State, Step};
@@ -70,6 +70,17 @@ pub fn bancroft_gn<O: Observations>(
     }
     if observations.sigma_known() {
         solution.ambiguity = Ambiguity::None;
+    }
+    // Of satellites in one plane the other root is the mirror image, and explains all as well.
+    if let Some(other) = other.filter(surface)
+        && let Ok(second) = iterate(observations, &Damping::ADGN_BT, &other, |_| ())
+    {
+        solution.search_iterations = second.iterations;
+        let elsewhere = (second.state.position_m - state.position_m).norm() > SAME_M;
+        if elsewhere && second.cost < limit && surface(&second.state) {
+            solution.alternatives.push(second.state);
+            solution.ambiguity = Ambiguity::Several;
+        }
     }
     Ok(solution)
 }

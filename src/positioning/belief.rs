@@ -6,6 +6,8 @@ use nalgebra::Vector3;
 
 /// `theta` of Morichi et al.: height of the altitude wall above the mean radius, m.
 pub(super) const WALL_M: f64 = 50e3;
+/// Solutions nearer to each other than this, m, are the same.
+pub(super) const SAME_M: f64 = 1e3;
 /// Depth below the mean radius, m, down to which a place is believed.
 const DEPTH_M: f64 = 100e3;
 /// Costs per redundant observation that are believed at once, and at all: 2.5 and 5 deviations.

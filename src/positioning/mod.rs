@@ -7,6 +7,7 @@ pub mod aw_dgn_bt;
 pub mod bancroft;
 mod belief;
 mod coarse_time;
+pub mod descent;
 mod error;
 mod fix;
 mod gram_schmidt;

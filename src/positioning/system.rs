@@ -9,7 +9,7 @@ use super::gram_schmidt::{Triangle, orthogonalise, weighted_sum};
 use super::model::LineOfSight;
 use super::observations::{Observations, Seen};
 use super::outcome::{Failure, State};
-use nalgebra::{Matrix3, Matrix3x2, Vector3};
+use nalgebra::{Matrix3, Matrix3x2, Vector3, Vector5};
 use std::ops::Range;
 
 /// Largest number of rows that the position solvers take.
@@ -191,6 +191,21 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
         Vector3::from(self.triangle.solve(parts))
     }
 
+    /// `H^T e` and the diagonal of `H^T H` of the weighted rows, by position and the two clock terms.
+    pub fn gradient(&self, seen: &Rows<N>, right: &[f64; N]) -> (Vector5<f64>, Vector5<f64>) {
+        let (mut gradient, mut diagonal) = (Vector5::zeros(), Vector5::zeros());
+        for (clock, group) in self.groups.iter().enumerate() {
+            for row in group.clone() {
+                let by_place = self.observations.gradient(row, &seen[row]) * self.weights[row];
+                let mut by = Vector5::new(by_place.x, by_place.y, by_place.z, 0.0, 0.0);
+                by[3 + clock] = self.weights[row];
+                gradient += by * right[row];
+                diagonal += by.component_mul(&by);
+            }
+        }
+        (gradient, diagonal)
+    }
+
     /// The last step confined to the plane of two orthonormal columns, by the normal equations of two
     /// unknowns: right to what a start needs.
     pub fn step_within(&self, plane: &Matrix3x2<f64>) -> Vector3<f64> {
@@ -254,12 +269,35 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
 
     /// Whether all satellites and the place lie in one plane, to a millionth of their distances.
     fn coplanar(&self, place_m: &Vector3<f64>) -> bool {
-        let scatter: Matrix3<f64> = (0..self.rows)
-            .map(|row| self.observations.satellite(row).position_m - place_m)
-            .map(|d| d * d.transpose())
-            .sum();
-        let spread = scatter.symmetric_eigenvalues();
-        spread.min() <= 1e-12 * spread.max()
+        self.scatter(place_m).symmetric_eigenvalues().min() <= self.flat(place_m)
+    }
+
+    /// The mirror image of a place in the plane of the satellites, if they lie in one: ranges from there
+    /// are the same.
+    pub fn mirrored(&self, place_m: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let satellite = |row| self.observations.satellite(row).position_m;
+        let centre = (0..self.rows).map(satellite).sum::<Vector3<f64>>() / self.rows as f64;
+        let scatter = self.scatter(&centre);
+        // Far from flat, which is nearly always, the determinant tells it without eigenvalues.
+        if scatter.determinant() > 1e-9 * (scatter.trace() / 3.0).powi(3) {
+            return None;
+        }
+        let spread = scatter.symmetric_eigen();
+        let least = spread.eigenvalues.imin();
+        let normal = spread.eigenvectors.column(least);
+        (spread.eigenvalues[least] <= self.flat(&centre))
+            .then(|| place_m - normal * (2.0 * normal.dot(&(place_m - centre))))
+    }
+
+    /// Sum of the outer products of the satellites' places, seen from one.
+    fn scatter(&self, from_m: &Vector3<f64>) -> Matrix3<f64> {
+        let satellite = |row| self.observations.satellite(row).position_m - from_m;
+        (0..self.rows).map(satellite).map(|d| d * d.transpose()).sum()
+    }
+
+    /// Sum of squared distances from a plane, m^2, below which satellites lie in it.
+    fn flat(&self, from_m: &Vector3<f64>) -> f64 {
+        1e-12 * self.scatter(from_m).trace()
     }
 }
 
