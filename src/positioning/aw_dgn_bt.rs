@@ -35,6 +35,7 @@
 //!   `kmax` = 100. A count of iterations is one of linearisations, the last included.
 //! - Linear systems are solved by orthogonalisation, unweighted.
 
+use super::belief::WALL_M;
 pub use super::model::{Doppler, ObservationModel, Pseudorange, Satellite};
 use super::observations::{Observations, Observed};
 use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
@@ -56,8 +57,6 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// `theta` of the paper, m.
-    const THETA: f64 = 50e3;
     const NONE: Self = Self { initial: 1.0, restart: true, descent: false, wall_m: f64::INFINITY };
 
     /// Gauss-Newton: full steps.
@@ -65,7 +64,7 @@ impl Damping {
     /// Adaptively damped, each step from 1 downwards.
     pub const ADGN_BT: Self = Self { descent: true, ..Self::NONE };
     /// The same with the altitude wall: the paper's solver.
-    pub const AW_DGN_BT: Self = Self { wall_m: EARTH_RADIUS + Self::THETA, ..Self::ADGN_BT };
+    pub const AW_DGN_BT: Self = Self { wall_m: EARTH_RADIUS + WALL_M, ..Self::ADGN_BT };
 
     /// Adaptively damped, from the damping `mu0` in (0, 1], which doubles with each step.
     pub const fn adgn(mu0: f64) -> Self {
@@ -127,7 +126,7 @@ fn run<O: Observations, const N: usize>(
     for iterations in 1..=K_MAX {
         let state = system.state(position, clocks);
         let Some((dx, dc)) = system.step(here, &right) else {
-            return Err(system.diagnose(here, state, iterations));
+            return Err(system.diagnose(state, iterations));
         };
         if iterations > 1 {
             mu = if damping.restart { 1.0 } else { (2.0 * mu).min(1.0) };
@@ -165,7 +164,7 @@ fn run<O: Observations, const N: usize>(
             if position.norm() > FAR {
                 return Err(Failure::Diverged { state, iterations });
             }
-            if let Some(row) = system.coincident(here) {
+            if let Some(row) = system.coincident(&position) {
                 return Err(Failure::Coincident { row });
             }
             return Ok(Solution {

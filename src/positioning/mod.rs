@@ -5,13 +5,17 @@
 
 mod adjustment;
 pub mod aw_dgn_bt;
+pub mod bancroft;
+mod belief;
 mod blind;
 mod coarse_time;
 mod code_phases;
 mod cold_start;
+pub mod descent;
 mod doppler_time;
 mod error;
 mod fix;
+mod gram_schmidt;
 pub mod least_squares;
 pub mod model;
 pub mod observations;

@@ -211,19 +211,40 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The last or best place before the failure, if there was one.
-    pub fn state(&self) -> Option<&State> {
+    /// The last or best place before the failure, and the linearisations done, if it came to that.
+    fn reached(&self) -> Option<(&State, usize)> {
         match self {
-            Self::Singular { state, .. }
-            | Self::Jammed { state, .. }
-            | Self::TooSlow { state, .. }
-            | Self::Diverged { state, .. }
-            | Self::Stalled { state, .. }
-            | Self::NoDecrease { state, .. }
-            | Self::Implausible { state, .. }
-            | Self::Inconsistent { state, .. } => Some(state),
+            Self::Singular { state, iterations }
+            | Self::Jammed { state, iterations, .. }
+            | Self::TooSlow { state, iterations }
+            | Self::Diverged { state, iterations }
+            | Self::Stalled { state, iterations }
+            | Self::NoDecrease { state, iterations }
+            | Self::Implausible { state, iterations }
+            | Self::Inconsistent { state, iterations, .. } => Some((state, *iterations)),
             _ => None,
         }
+    }
+
+    /// The last or best place before the failure, if there was one.
+    pub fn state(&self) -> Option<&State> {
+        self.reached().map(|(state, _)| state)
+    }
+
+    /// Linearisations done before the failure.
+    pub fn iterations(&self) -> usize {
+        self.reached().map_or(0, |(_, iterations)| iterations)
+    }
+
+    /// Whether no solver could do anything with the observations.
+    pub fn is_of_the_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Observations { .. }
+                | Self::NotFinite { .. }
+                | Self::NoDeviation
+                | Self::PseudorangesOnly { .. }
+        )
     }
 }
 

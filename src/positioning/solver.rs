@@ -1,6 +1,8 @@
 //! Every solver by its name, as on a command line.
 
 use super::aw_dgn_bt::{Damping, iterate};
+use super::bancroft::bancroft_gn;
+use super::descent::{Descent, Direction, StepRule};
 use super::observations::Observations;
 use super::outcome::{Failure, Solution, State, Step};
 use super::variable_projection::variable_projection;
@@ -8,8 +10,11 @@ use std::fmt;
 use std::str::FromStr;
 
 /// A position solver that starts without prior knowledge of the place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Solver {
+    /// `best`: `bancroft` for pseudoranges alone, and `vp` for all else and where that fails.
+    #[default]
+    Best,
     /// `gn`: Gauss-Newton with full steps.
     Gn,
     /// `adgn:MU0`: adaptively damped, first damping `mu0` in (0, 1], then doubled.
@@ -24,16 +29,24 @@ pub enum Solver {
     Vp,
     /// `vp-once`: the same without restarts.
     VpOnce,
+    /// `bancroft`: Bancroft's algebraic solution refined by Gauss-Newton; pseudoranges only.
+    Bancroft,
+    /// `gd:ALPHA`, `gd-geometric:BETA`, `gd-bt`, `gd-bb`, `diagonal:ALPHA`, `gn:ALPHA`,
+    /// `gn-geometric:BETA`, `gn-bt`: a method of the generalised gradient family.
+    Descent(Descent),
 }
 
 /// The names that [`Solver`] is parsed from.
-const NAMES: &str = "gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, vp-once";
+pub const SOLVER_NAMES: &str = "best, gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, vp-once, bancroft, gd:ALPHA, gd-geometric:BETA, gd-bt, gd-bb, diagonal:ALPHA, gn:ALPHA, gn-geometric:BETA, gn-bt";
+
+/// First step of a geometric sequence of gradient steps: stable with up to six satellites.
+const GRADIENT_FIRST: f64 = 0.3;
 
 /// A name that is not that of a solver.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SolverNameError {
     /// No solver is called so.
-    #[error("no solver is called '{name}': choose one of {NAMES}")]
+    #[error("no solver is called '{name}': choose one of {SOLVER_NAMES}")]
     Unknown {
         /// The name.
         name: String,
@@ -50,14 +63,14 @@ pub enum SolverNameError {
 
 impl Solver {
     /// Solves from the Earth's centre, or from where the solver's own rule starts. `trace` sees each
-    /// accepted step.
+    /// accepted step. Allocates nothing.
     ///
     /// # Errors
     /// [`Failure`] names the cause.
     pub fn solve<O: Observations>(
         &self,
         observations: &O,
-        trace: impl FnMut(&Step),
+        mut trace: impl FnMut(&Step),
     ) -> Result<Solution, Failure> {
         let damping = match *self {
             Self::Gn => Damping::GN,
@@ -65,10 +78,15 @@ impl Solver {
             Self::AdgnBt => Damping::ADGN_BT,
             Self::AwDgn(mu0) => Damping::aw_dgn(mu0),
             Self::AwDgnBt => Damping::AW_DGN_BT,
+            Self::Best => return best(observations, trace),
             Self::Vp => return variable_projection(observations, true, trace),
             Self::VpOnce => return variable_projection(observations, false, trace),
+            Self::Bancroft => return bancroft_gn(observations, trace),
+            Self::Descent(descent) => {
+                return descent.solve(observations, &State::CENTRE, trace);
+            }
         };
-        iterate(observations, &damping, &State::CENTRE, trace)
+        iterate(observations, &damping, &State::CENTRE, &mut trace)
     }
 }
 
@@ -77,14 +95,30 @@ impl Solver {
     pub fn name(&self) -> &'static str {
         let text = self.to_string();
         let bare = |name: &'static str| name.split(':').next().unwrap_or(name);
-        let mut names = NAMES.split(", ").map(bare);
+        let mut names = SOLVER_NAMES.split(", ").map(bare);
         names.find(|name| text.split(':').next() == Some(name)).unwrap_or("unnamed")
     }
+}
+
+fn best<O: Observations>(
+    observations: &O,
+    mut trace: impl FnMut(&Step),
+) -> Result<Solution, Failure> {
+    let mut spent = 0;
+    if observations.rows()[1] == 0 {
+        match bancroft_gn(observations, &mut trace) {
+            Err(cause) if !cause.is_of_the_input() => spent = cause.iterations(),
+            other => return other,
+        }
+    }
+    let solution = variable_projection(observations, true, trace)?;
+    Ok(Solution { iterations: spent + solution.iterations, ..solution })
 }
 
 impl fmt::Display for Solver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Best => write!(f, "best"),
             Self::Gn => write!(f, "gn"),
             Self::Adgn(mu0) => write!(f, "adgn:{mu0}"),
             Self::AdgnBt => write!(f, "adgn-bt"),
@@ -92,6 +126,20 @@ impl fmt::Display for Solver {
             Self::AwDgnBt => write!(f, "aw-dgn-bt"),
             Self::Vp => write!(f, "vp"),
             Self::VpOnce => write!(f, "vp-once"),
+            Self::Bancroft => write!(f, "bancroft"),
+            Self::Descent(Descent { direction, rule, .. }) => {
+                let way = match direction {
+                    Direction::Gradient => "gd",
+                    Direction::Diagonal => "diagonal",
+                    Direction::GaussNewton => "gn",
+                };
+                match rule {
+                    StepRule::Constant(alpha) => write!(f, "{way}:{alpha}"),
+                    StepRule::Geometric { ratio, .. } => write!(f, "{way}-geometric:{ratio}"),
+                    StepRule::Backtracking { .. } => write!(f, "{way}-bt"),
+                    StepRule::BarzilaiBorwein => write!(f, "{way}-bb"),
+                }
+            }
         }
     }
 }
@@ -105,23 +153,70 @@ impl FromStr for Solver {
             None => (text, None),
         };
         let wrong = |right| SolverNameError::Parameter { name: text.to_owned(), right };
-        let mu0 = || match parameter.and_then(|p| p.parse().ok()) {
-            Some(mu0) if mu0 > 0.0 && mu0 <= 1.0 => Ok(mu0),
-            _ => Err(wrong("give the first damping in (0, 1] after a colon, as in adgn:0.08")),
+        let number = |largest: f64, right| match parameter.and_then(|p| p.parse().ok()) {
+            Some(number) if number > 0.0 && number <= largest => Ok(number),
+            _ => Err(wrong(right)),
         };
-        let solver = match name {
-            "adgn" => return Ok(Self::Adgn(mu0()?)),
-            "aw-dgn" => return Ok(Self::AwDgn(mu0()?)),
-            "gn" => Self::Gn,
-            "adgn-bt" => Self::AdgnBt,
-            "aw-dgn-bt" => Self::AwDgnBt,
-            "vp" => Self::Vp,
-            "vp-once" => Self::VpOnce,
+        let mu0 = || number(1.0, "give the first damping in (0, 1] after a colon, as in adgn:0.08");
+        let alpha = || number(2.5, "give the step length in (0, 2.5] after a colon, as in gd:0.1");
+        let beta =
+            || number(0.999_999, "give the ratio of steps, below 1, as in gd-geometric:0.99");
+        let family = |direction, rule| Self::Descent(Descent::new(direction, rule));
+        let solver = match (name, parameter) {
+            ("adgn", _) => return Ok(Self::Adgn(mu0()?)),
+            ("aw-dgn", _) => return Ok(Self::AwDgn(mu0()?)),
+            ("gd", _) => return Ok(family(Direction::Gradient, StepRule::Constant(alpha()?))),
+            ("diagonal", _) => {
+                return Ok(family(Direction::Diagonal, StepRule::Constant(alpha()?)));
+            }
+            ("gn", Some(_)) => {
+                return Ok(family(Direction::GaussNewton, StepRule::Constant(alpha()?)));
+            }
+            ("gd-geometric", _) => {
+                let rule = StepRule::Geometric { first: GRADIENT_FIRST, ratio: beta()? };
+                return Ok(family(Direction::Gradient, rule));
+            }
+            ("gn-geometric", _) => {
+                let rule = StepRule::Geometric { first: 1.0, ratio: beta()? };
+                return Ok(family(Direction::GaussNewton, rule));
+            }
+            ("gd-bt", _) => family(Direction::Gradient, HALVING),
+            ("gn-bt", _) => family(Direction::GaussNewton, HALVING),
+            ("gd-bb", _) => family(Direction::Gradient, StepRule::BarzilaiBorwein),
+            ("best", _) => Self::Best,
+            ("gn", None) => Self::Gn,
+            ("adgn-bt", _) => Self::AdgnBt,
+            ("aw-dgn-bt", _) => Self::AwDgnBt,
+            ("vp", _) => Self::Vp,
+            ("vp-once", _) => Self::VpOnce,
+            ("bancroft", _) => Self::Bancroft,
             _ => return Err(SolverNameError::Unknown { name: text.to_owned() }),
         };
         match parameter {
             None => Ok(solver),
             Some(_) => Err(wrong("it takes no number")),
         }
+    }
+}
+
+/// The backtracking of the lecture notes.
+const HALVING: StepRule = StepRule::Backtracking { first: 1.0, ratio: 0.5 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_parsed_and_written_alike_and_wrong_ones_say_what_is_right() {
+        for name in SOLVER_NAMES.split(", ") {
+            let name = name.replace("MU0", "0.08").replace("ALPHA", "0.25").replace("BETA", "0.99");
+            assert_eq!(name.parse::<Solver>().unwrap().to_string(), name);
+        }
+        let refused = |name: &str| name.parse::<Solver>().unwrap_err().to_string();
+        assert!(refused("newton").ends_with(SOLVER_NAMES));
+        for name in ["adgn", "adgn:0", "adgn:1.5", "aw-dgn:x", "gd", "gd-geometric:1", "adgn:nan"] {
+            assert!(refused(name).contains("after a colon") || refused(name).contains("ratio"));
+        }
+        assert_eq!(refused("vp:2"), "solver 'vp:2': it takes no number");
     }
 }

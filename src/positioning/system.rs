@@ -2,15 +2,14 @@
 //!
 //! Rows are weighted by `1/sigma`. The clock column of each observable is the vector of its weights;
 //! taking its part out of the other columns and of the residuals ("centring") eliminates the clock
-//! exactly, and is the first stage of modified Gram-Schmidt on `[clock | J | e]`, which is as stable
-//! as Householder's QR (Björck 1967). Scales of the columns do not matter. Nothing is allocated: a
-//! system of up to `N` rows lives on the stack.
+//! exactly, and is the first stage of modified Gram-Schmidt on `[clock | J | e]`. Nothing is allocated:
+//! a system of up to `N` rows lives on the stack.
 
+use super::gram_schmidt::{Triangle, orthogonalise, weighted_sum};
 use super::model::LineOfSight;
 use super::observations::{Observations, Seen};
 use super::outcome::{Failure, State};
-use nalgebra::{Matrix3, Matrix3x2, Vector3};
-use std::cmp::Ordering;
+use nalgebra::{Matrix3, Matrix3x2, Vector3, Vector5};
 use std::ops::Range;
 
 /// Largest number of rows that the position solvers take.
@@ -18,9 +17,6 @@ pub const MAX_ROWS: usize = 1024;
 
 /// Below this distance, m, a satellite's direction is not defined: no two things in space are as near.
 const COINCIDENT_M: f64 = 1.0;
-/// A column whose part orthogonal to the columns before it is shorter than this share of its length
-/// depends on them: rounding alone leaves about 1e-15.
-const RANK_TOLERANCE: f64 = 1e-12;
 /// Smallest allowance of the descent tests for rounding, m^2 or (m/s)^2.
 const FLOOR: f64 = 1e-13;
 
@@ -47,9 +43,7 @@ pub(super) struct System<'a, O, const N: usize> {
     clock_squares: [f64; 2],
     /// Rows of `[J | e]`; once solved, the orthogonal columns of the centred Jacobian.
     augmented: [[f64; 4]; N],
-    /// Unit upper triangular factor of the centred `[J | e]`, and the squared lengths of its columns.
-    upper: [[f64; 4]; 3],
-    squares: [f64; 3],
+    triangle: Triangle<3, 4>,
     /// What the cost may grow by rounding.
     pub floor: f64,
 }
@@ -74,8 +68,7 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
             weights: [0.0; N],
             clock_squares: [0.0; 2],
             augmented: [[0.0; 4]; N],
-            upper: [[0.0; 4]; 3],
-            squares: [0.0; 3],
+            triangle: Triangle::ZERO,
             floor: 0.0,
         };
         for (group, square) in groups.into_iter().zip(&mut system.clock_squares) {
@@ -177,62 +170,51 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
                 (0..4).for_each(|j| row[j] -= weight * means[k][j]);
             }
         }
-        let rows = &mut self.augmented[..self.rows];
-        for k in 0..3 {
-            let sums = weighted_sum(rows, rows.iter().map(|row| row[k]));
-            let square = sums[k];
-            if !(square > RANK_TOLERANCE * RANK_TOLERANCE * lengths[k] && square.is_finite()) {
-                return None;
-            }
-            let upper = sums.map(|s| s / square);
-            for row in rows.iter_mut() {
-                let q = row[k];
-                (k + 1..4).for_each(|j| row[j] -= q * upper[j]);
-            }
-            (self.upper[k], self.squares[k]) = (upper, square);
-        }
-        let step = self.back_substitute(self.upper.map(|upper| upper[3]));
+        self.triangle = orthogonalise(&mut self.augmented[..self.rows], &lengths)?;
+        let step = Vector3::from(self.triangle.solve(self.triangle.right(3)));
         let clock =
             |mean: &[f64; 4]| mean[3] - mean[0] * step.x - mean[1] * step.y - mean[2] * step.z;
         let clocks = [clock(&means[0]), clock(&means[1])];
         step.iter().chain(&clocks).all(|v| v.is_finite()).then_some((step, clocks))
     }
 
-    fn back_substitute(&self, [x, y, z]: [f64; 3]) -> Vector3<f64> {
-        let [u, v, _] = &self.upper;
-        let y = y - v[2] * z;
-        Vector3::new(x - u[1] * y - u[2] * z, y, z)
-    }
-
     /// The step in position for another right-hand side of the same rows, centred.
     #[inline]
     pub fn step_again(&self, right: &mut [f64; N]) -> Vector3<f64> {
-        self.back_substitute(std::array::from_fn(|k| {
-            let pairs = || self.augmented[..self.rows].iter().zip(&*right);
-            let part = pairs().map(|(row, e)| row[k] * e).sum::<f64>() / self.squares[k];
+        let parts = std::array::from_fn(|k| {
+            let pairs = self.augmented[..self.rows].iter().zip(&*right);
+            let part = pairs.map(|(row, e)| row[k] * e).sum::<f64>() / self.triangle.squares[k];
             let rows = self.augmented[..self.rows].iter().zip(&mut *right);
             rows.for_each(|(row, e)| *e -= part * row[k]);
             part
-        }))
+        });
+        Vector3::from(self.triangle.solve(parts))
+    }
+
+    /// `H^T e` and the diagonal of `H^T H` of the weighted rows, by position and the two clock terms.
+    pub fn gradient(&self, seen: &Rows<N>, right: &[f64; N]) -> (Vector5<f64>, Vector5<f64>) {
+        let (mut gradient, mut diagonal) = (Vector5::zeros(), Vector5::zeros());
+        for (clock, group) in self.groups.iter().enumerate() {
+            for row in group.clone() {
+                let by_place = self.observations.gradient(row, &seen[row]) * self.weights[row];
+                let mut by = Vector5::new(by_place.x, by_place.y, by_place.z, 0.0, 0.0);
+                by[3 + clock] = self.weights[row];
+                gradient += by * right[row];
+                diagonal += by.component_mul(&by);
+            }
+        }
+        (gradient, diagonal)
     }
 
     /// The last step confined to the plane of two orthonormal columns, by the normal equations of two
     /// unknowns: right to what a start needs.
     pub fn step_within(&self, plane: &Matrix3x2<f64>) -> Vector3<f64> {
-        let root = self.triangle();
-        let projection = Vector3::from_fn(|k, _| self.squares[k].sqrt() * self.upper[k][3]);
-        let inner = root * plane;
-        let normal = (inner.transpose() * inner).try_inverse().unwrap_or_default();
-        plane * (normal * (inner.transpose() * projection))
-    }
-
-    /// Triangular factor of the centred Jacobian.
-    fn triangle(&self) -> Matrix3<f64> {
-        Matrix3::from_fn(|k, j| match k.cmp(&j) {
-            Ordering::Less => self.squares[k].sqrt() * self.upper[k][j],
-            Ordering::Equal => self.squares[k].sqrt(),
-            Ordering::Greater => 0.0,
-        })
+        let Triangle { upper, squares } = &self.triangle;
+        let unit = Matrix3::from_fn(|k, j| if k <= j { upper[k][j] } else { 0.0 });
+        let scale = Matrix3::from_diagonal(&Vector3::from(*squares));
+        let inner = unit * plane;
+        let normal = (inner.transpose() * scale * inner).try_inverse().unwrap_or_default();
+        plane * (normal * (inner.transpose() * scale * Vector3::from(self.triangle.right(3))))
     }
 
     /// Second derivatives of the weighted rows along `along`, centred.
@@ -247,15 +229,15 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
 
     /// Covariance of the position from the last factor, m^2.
     pub fn covariance(&self) -> Matrix3<f64> {
-        let [[_, a, b, _], [_, _, c, _], _] = self.upper;
+        let [[_, a, b, _], [_, _, c, _], _] = self.triangle.upper;
+        let weights = Vector3::from(self.triangle.squares.map(f64::recip));
         let inverse = Matrix3::new(1.0, -a, a * c - b, 0.0, 1.0, -c, 0.0, 0.0, 1.0);
-        let scaled = inverse * Matrix3::from_diagonal(&Vector3::from(self.squares.map(f64::recip)));
-        scaled * inverse.transpose()
+        inverse * Matrix3::from_diagonal(&weights) * inverse.transpose()
     }
 
     /// Why a factor or a step at `state` failed.
     #[cold]
-    pub fn diagnose(&self, seen: &Rows<N>, state: State, iterations: usize) -> Failure {
+    pub fn diagnose(&self, state: State, iterations: usize) -> Failure {
         let finite = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
         for row in 0..self.rows {
             let satellite = self.observations.satellite(row);
@@ -270,7 +252,7 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
             };
             return Failure::NotFinite { row, what };
         }
-        if let Some(row) = self.coincident(seen) {
+        if let Some(row) = self.coincident(&state.position_m) {
             return Failure::Coincident { row };
         }
         if self.coplanar(&state.position_m) {
@@ -280,32 +262,46 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
     }
 
     /// A row whose satellite is at the receiver.
-    pub fn coincident(&self, seen: &Rows<N>) -> Option<usize> {
-        seen[..self.rows].iter().position(|s| s.sight.range < COINCIDENT_M)
+    pub fn coincident(&self, place_m: &Vector3<f64>) -> Option<usize> {
+        let distance = |row| (self.observations.satellite(row).position_m - place_m).norm();
+        (0..self.rows).find(|&row| distance(row) < COINCIDENT_M)
     }
 
     /// Whether all satellites and the place lie in one plane, to a millionth of their distances.
     fn coplanar(&self, place_m: &Vector3<f64>) -> bool {
-        let scatter: Matrix3<f64> = (0..self.rows)
-            .map(|row| self.observations.satellite(row).position_m - place_m)
-            .map(|d| d * d.transpose())
-            .sum();
-        let spread = scatter.symmetric_eigenvalues();
-        spread.min() <= 1e-12 * spread.max()
+        self.scatter(place_m).symmetric_eigenvalues().min() <= self.flat(place_m)
+    }
+
+    /// The mirror image of a place in the plane of the satellites, if they lie in one: ranges from there
+    /// are the same.
+    pub fn mirrored(&self, place_m: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let satellite = |row| self.observations.satellite(row).position_m;
+        let centre = (0..self.rows).map(satellite).sum::<Vector3<f64>>() / self.rows as f64;
+        let scatter = self.scatter(&centre);
+        // Far from flat, which is nearly always, the determinant tells it without eigenvalues.
+        if scatter.determinant() > 1e-9 * (scatter.trace() / 3.0).powi(3) {
+            return None;
+        }
+        let spread = scatter.symmetric_eigen();
+        let least = spread.eigenvalues.imin();
+        let normal = spread.eigenvectors.column(least);
+        (spread.eigenvalues[least] <= self.flat(&centre))
+            .then(|| place_m - normal * (2.0 * normal.dot(&(place_m - centre))))
+    }
+
+    /// Sum of the outer products of the satellites' places, seen from one.
+    fn scatter(&self, from_m: &Vector3<f64>) -> Matrix3<f64> {
+        let satellite = |row| self.observations.satellite(row).position_m - from_m;
+        (0..self.rows).map(satellite).map(|d| d * d.transpose()).sum()
+    }
+
+    /// Sum of squared distances from a plane, m^2, below which satellites lie in it.
+    fn flat(&self, from_m: &Vector3<f64>) -> f64 {
+        1e-12 * self.scatter(from_m).trace()
     }
 }
 
 /// Unknowns of a problem: three of position and one for each clock.
 pub(super) fn unknowns(observations: &impl Observations) -> usize {
     3 + observations.rows().into_iter().filter(|&rows| rows > 0).count()
-}
-
-/// `sum(weight * row)`, column by column.
-#[inline]
-fn weighted_sum(rows: &[[f64; 4]], weights: impl Iterator<Item = f64>) -> [f64; 4] {
-    let mut sum = [0.0; 4];
-    for (row, weight) in rows.iter().zip(weights) {
-        (0..4).for_each(|j| sum[j] += weight * row[j]);
-    }
-    sum
 }

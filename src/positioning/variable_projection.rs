@@ -24,6 +24,7 @@
 //! redundancy every place fits: the sphere comes first, and all starts are used to look for a second
 //! solution, which is reported.
 
+use super::belief::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
 use super::model::Satellite;
 use super::observations::Observations;
 use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
@@ -35,21 +36,14 @@ const EPS: f64 = 1e-5;
 const TAU: f64 = 1e-8;
 const ETA: f64 = 1e-6;
 const K_MAX: usize = 100;
-/// Height of the wall above the mean radius, m.
-const WALL_M: f64 = 50e3;
-/// Depth below the mean radius, m, down to which a place is believed.
-const DEPTH_M: f64 = 100e3;
 /// Above this many metres the second-order term is worth its cost: below, it is under a micrometre.
 const CURVED_M: f64 = 1.0;
 /// Iterates at the wall, one after the other, that mean a jam.
 const MAX_PROJECTED: usize = 8;
-/// Costs per redundant observation that are believed at once, and at all: 2.5 and 5 deviations.
-const EARLY: f64 = 6.25;
-const BELIEVED: f64 = 25.0;
+/// A cost above the lowest by less than this (three deviations) is as good.
+const AS_GOOD: f64 = 9.0;
 /// Starts still to try after one that is believed, but not at once.
 const MORE_STARTS: usize = 4;
-/// Solutions nearer to each other than this, m, are the same.
-const SAME_M: f64 = 1e3;
 /// Starts around the centroid: this many on each ring, at these angles from it, rad.
 const RING: usize = 6;
 const RINGS: [f64; 2] = [0.2, 0.6];
@@ -81,15 +75,69 @@ enum Start {
     CheapestOfRings,
     CentroidWithoutWall,
     Ring(usize),
+    /// A given place, within the wall.
+    Place(Vector3<f64>),
+}
+
+/// The starts in their order.
+fn starts(redundancy: usize, restarts: bool) -> impl Iterator<Item = Start> {
+    let first =
+        [Start::Centroid, Start::Sphere, Start::CheapestOfRings, Start::CentroidWithoutWall];
+    let rings = (0..RINGS.len() * RING).map(Start::Ring);
+    first.into_iter().chain(rings).filter(move |start| match start {
+        Start::Centroid => redundancy > 0 || !restarts,
+        Start::CentroidWithoutWall => redundancy > 0 && restarts,
+        _ => restarts,
+    })
 }
 
 /// A converged start.
 #[derive(Clone, Copy)]
 struct Minimum {
-    position_m: Vector3<f64>,
-    clocks: Clocks,
+    state: State,
     cost: f64,
     covariance: Matrix3<f64>,
+    /// Linearisations up to it.
+    iterations: usize,
+    /// Starts before its own.
+    restarts: usize,
+}
+
+impl Minimum {
+    fn is_at(&self, other: &Self) -> bool {
+        (self.state.position_m - other.state.position_m).norm() <= SAME_M
+    }
+
+    /// Whether a place can be believed by its height: without wall, only the residuals bound it above.
+    fn plausible(&self, start: Start) -> bool {
+        match start {
+            Start::CentroidWithoutWall => above_the_ground(&self.state.position_m),
+            _ => near_the_surface(&self.state.position_m),
+        }
+    }
+}
+
+/// Different minima, the solution first.
+#[derive(Default)]
+struct Minima([Option<Minimum>; 4]);
+
+impl Minima {
+    /// Adds one; it becomes the solution if it is the first, or `by_cost` and cheaper.
+    fn push(&mut self, minimum: Minimum, by_cost: bool) {
+        if let Some(same) = self.0.iter_mut().flatten().find(|m| m.is_at(&minimum)) {
+            if minimum.cost < same.cost {
+                (same.state, same.cost) = (minimum.state, minimum.cost);
+            }
+        } else if let Some(free) = self.0.iter_mut().find(|m| m.is_none()) {
+            *free = Some(minimum);
+        }
+        if by_cost {
+            self.0.sort_by(|a, b| match (a, b) {
+                (Some(a), Some(b)) => a.cost.total_cmp(&b.cost),
+                _ => b.is_some().cmp(&a.is_some()),
+            });
+        }
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -116,10 +164,7 @@ fn solve<O: Observations, const N: usize>(
 ) -> Result<Solution, Failure> {
     let system = System::<O, N>::new(observations)?;
     let redundancy = system.redundancy();
-    let known = observations.sigma_known();
-    let per_degree =
-        |limit: f64| if known { limit * redundancy.max(1) as f64 } else { f64::INFINITY };
-    let (early, believed) = (per_degree(EARLY), per_degree(BELIEVED));
+    let [early, believed] = believed_costs(observations, redundancy);
     let mut solver = Solver {
         centroid: centroid((0..system.rows()).map(|row| observations.satellite(row))),
         system,
@@ -128,44 +173,22 @@ fn solve<O: Observations, const N: usize>(
         iterations: 0,
         starts: 0,
     };
-    let rings = (0..RINGS.len() * RING).map(Start::Ring);
-    let first =
-        [Start::Centroid, Start::Sphere, Start::CheapestOfRings, Start::CentroidWithoutWall];
-    let wanted = |start: &Start| match start {
-        Start::Centroid => redundancy > 0 || !restarts,
-        Start::CentroidWithoutWall => redundancy > 0 && restarts,
-        _ => restarts,
-    };
-    let mut best: Option<(Minimum, usize, usize)> = None;
+    let mut minima = Minima::default();
     let mut failure = None;
-    let mut alternatives = Alternatives::default();
     let mut left = usize::MAX;
-    for start in first.into_iter().chain(rings).filter(wanted) {
+    for start in starts(redundancy, restarts) {
         match solver.start(start) {
-            Ok(minimum) if !plausible(&minimum, start) => {
-                let state = solver.state(&minimum);
-                failure
-                    .get_or_insert(Failure::Implausible { state, iterations: solver.iterations });
-            }
-            Ok(minimum) => {
-                let better = best.as_ref().is_none_or(|(b, ..)| minimum.cost < b.cost);
-                let distinct = |s: &State| (s.position_m - minimum.position_m).norm() > SAME_M;
-                let known_place = best
-                    .as_ref()
-                    .is_some_and(|(b, ..)| (b.position_m - minimum.position_m).norm() <= SAME_M);
-                if redundancy == 0 && best.is_some() {
-                    if !known_place && alternatives.iter().all(distinct) {
-                        alternatives.push(solver.state(&minimum));
-                    }
-                } else if better {
-                    best = Some((minimum, solver.iterations, solver.starts - 1));
-                }
-                if minimum.cost < early && redundancy > 0 {
+            Ok(minimum) if minimum.plausible(start) => {
+                minima.push(minimum, redundancy > 0);
+                if redundancy > 0 && minimum.cost < early {
                     break;
                 }
-                if minimum.cost < believed && redundancy > 0 {
+                if redundancy > 0 && minimum.cost < believed {
                     left = left.min(MORE_STARTS + 1);
                 }
+            }
+            Ok(Minimum { state, iterations, .. }) => {
+                failure.get_or_insert(Failure::Implausible { state, iterations });
             }
             Err(cause) => {
                 failure.get_or_insert(cause);
@@ -176,39 +199,46 @@ fn solve<O: Observations, const N: usize>(
             break;
         }
     }
-    let Some((minimum, iterations, restarts)) = best else {
-        // At least one start was made, and it failed.
+    let Some(mut minimum) = minima.0[0] else {
+        // At least one start was made, and none led to a place.
         return Err(failure.unwrap_or(Failure::Coplanar));
     };
-    let state = solver.state(&minimum);
-    if minimum.cost >= believed {
-        let (cost, limit, iterations) = (minimum.cost, believed, solver.iterations);
-        return Err(Failure::Inconsistent { state, cost, limit, iterations });
+    if redundancy > 0 {
+        minimum.iterations = solver.iterations;
+    }
+    let Minimum { state, cost, iterations, .. } = minimum;
+    if cost >= believed {
+        return Err(Failure::Inconsistent { state, cost, limit: believed, iterations });
+    }
+    if let Some(mirrored) = solver.system.mirrored(&state.position_m).filter(|_| restarts) {
+        let start = Start::Place(mirrored);
+        if let Some(second) = solver.start(start).ok().filter(|m| m.plausible(start)) {
+            minima.push(second, false);
+        }
+    }
+    let mut alternatives = Alternatives::default();
+    for other in minima.0[1..].iter().flatten() {
+        if other.cost < believed.min(cost + AS_GOOD) {
+            alternatives.push(other.state);
+        }
     }
     let ambiguity = if !alternatives.is_empty() {
         Ambiguity::Several
-    } else if redundancy == 0 || !known {
+    } else if redundancy == 0 || !observations.sigma_known() {
         Ambiguity::Unverified
     } else {
         Ambiguity::None
     };
     Ok(Solution {
         state,
-        cost: minimum.cost,
+        cost,
         covariance: minimum.covariance,
         iterations,
         search_iterations: solver.iterations - iterations,
-        restarts,
+        restarts: minimum.restarts,
         alternatives,
         ambiguity,
     })
-}
-
-/// Whether a place can be believed by its height: without wall, only the residuals bound it above.
-fn plausible(minimum: &Minimum, start: Start) -> bool {
-    let height = minimum.position_m.norm() - EARTH_RADIUS;
-    let free = matches!(start, Start::CentroidWithoutWall);
-    height > -DEPTH_M && (height <= WALL_M || free && height.is_finite())
 }
 
 /// Unit vector to the mean direction of the satellites; the north pole's if they lie all around.
@@ -225,10 +255,6 @@ fn tangents(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
 }
 
 impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
-    fn state(&self, minimum: &Minimum) -> State {
-        self.system.state(minimum.position_m, minimum.clocks)
-    }
-
     fn start(&mut self, start: Start) -> Result<Minimum, Failure> {
         self.starts += 1;
         let wall = EARTH_RADIUS + WALL_M;
@@ -236,6 +262,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
         match start {
             Start::Centroid => self.descend(below_centroid, wall),
             Start::CentroidWithoutWall => self.descend(below_centroid, f64::INFINITY),
+            Start::Place(place) => self.descend(place, wall),
             Start::Ring(k) => self.descend(self.on_ring(k), wall),
             Start::Sphere => {
                 let place = self.on_sphere(below_centroid)?;
@@ -272,7 +299,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             let (clocks, _) = look(&self.system, &place, buffer);
             if self.system.step(&buffer.seen, &buffer.right).is_none() {
                 let state = self.system.state(place, clocks);
-                return Err(self.system.diagnose(&buffer.seen, state, self.iterations));
+                return Err(self.system.diagnose(state, self.iterations));
             }
             let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
             let step = self.system.step_within(&basis);
@@ -294,7 +321,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             let iterations = self.iterations;
             let state = system.state(position, clocks);
             let Some((d, _)) = system.step(&here.seen, &here.right) else {
-                return Err(system.diagnose(&here.seen, state, iterations));
+                return Err(system.diagnose(state, iterations));
             };
             let length = d.norm();
             let mut a = Vector3::zeros();
@@ -340,11 +367,12 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             });
             (position, clocks, phi) = (next, clocks_next, phi_next);
             if mu * length < EPS {
-                if let Some(row) = system.coincident(&here.seen) {
+                if let Some(row) = system.coincident(&position) {
                     return Err(Failure::Coincident { row });
                 }
                 let covariance = system.covariance();
-                return Ok(Minimum { position_m: position, clocks, cost: phi, covariance });
+                let restarts = self.starts - 1;
+                return Ok(Minimum { state, cost: phi, covariance, iterations, restarts });
             }
             at_wall = if projected { at_wall + 1 } else { 0 };
             if at_wall == MAX_PROJECTED || projected && moved < EPS {
