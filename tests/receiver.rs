@@ -20,6 +20,8 @@ mod real_captures;
 mod scenarios;
 #[path = "receiver/snapshots.rs"]
 mod snapshots;
+#[path = "receiver/unknown_time.rs"]
+mod unknown_time;
 
 use libtest_mimic::Arguments;
 
@@ -28,6 +30,7 @@ fn main() {
         real_captures::trials(),
         navigation_fix::trials(),
         snapshots::trials(),
+        unknown_time::trials(),
         mistakes::trials(),
         scenarios::trials(),
         array::trials(),

@@ -1,5 +1,6 @@
 //! `sdr-rx experiment`: figures and tables made again.
 
+use super::experiment_aw_dgn;
 use super::experiment_front_end;
 use super::experiment_lda_l11;
 use std::process::ExitCode;
@@ -13,6 +14,7 @@ pub struct Experiment {
 
 #[derive(clap::Subcommand)]
 enum Name {
+    AwDgn(experiment_aw_dgn::AwDgn),
     LdaL11(experiment_lda_l11::LdaL11),
     FrontEnd(experiment_front_end::FrontEnd),
 }
@@ -20,6 +22,7 @@ enum Name {
 /// Runs the experiment.
 pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
     match &args.name {
+        Name::AwDgn(args) => experiment_aw_dgn::run(args),
         Name::LdaL11(args) => experiment_lda_l11::run(args),
         Name::FrontEnd(args) => experiment_front_end::run(args),
     }

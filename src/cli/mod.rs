@@ -2,6 +2,7 @@
 
 mod acquire;
 mod experiment;
+mod experiment_aw_dgn;
 mod experiment_front_end;
 mod experiment_lda_l11;
 mod info;

@@ -61,8 +61,9 @@ pub struct Solve {
     /// RINEX navigation files, in addition to what the signals carry
     #[arg(long, value_name = "FILE", help_heading = "Position")]
     pub nav: Vec<PathBuf>,
-    /// How far --time may be off for a snapshot, s
-    #[arg(long, value_name = "S", default_value_t = 60.0, help_heading = "Position")]
+    /// How far --time may be off for a snapshot, such as 60, 10min, 5h or 7d; without any time all times
+    /// that --nav covers are searched
+    #[arg(long, value_name = "S", default_value = "60", value_parser = duration, help_heading = "Position")]
     pub time_uncertainty: f64,
     /// Troposphere model
     #[arg(long, value_name = "MODEL", default_value = "saastamoinen", help_heading = "Position")]
@@ -96,6 +97,24 @@ pub struct Satellites(pub Vec<Sv>);
 
 fn satellites(text: &str) -> Result<Satellites, String> {
     parse_sv_list(text).map(Satellites).map_err(|e| e.to_string())
+}
+
+/// A duration, s, of a number with a suffix: `60`, `60s`, `10min`, `5h`, `7d`.
+fn duration(text: &str) -> Result<f64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit_s = match &text[digits.len()..] {
+        "" | "s" => 1.0,
+        "min" => 60.0,
+        "h" => 3600.0,
+        "d" => 86_400.0,
+        unit => return Err(format!("'{unit}' is no unit of time: write s, min, h or d")),
+    };
+    let number: f64 = digits
+        .parse()
+        .ok()
+        .filter(|n: &f64| n.is_finite())
+        .ok_or(format!("'{text}' is no duration: write it as 60, 60s, 10min, 5h or 7d"))?;
+    Ok(number * unit_s)
 }
 
 fn array(text: &str) -> Result<ArrayDescription, String> {
@@ -186,7 +205,7 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "interval_s": options.interval_s,
         "troposphere": options.positioning.positioning.troposphere,
         "elevation_mask_deg": options.positioning.positioning.elevation_mask.to_degrees(),
-        "time_uncertainty_s": options.positioning.time_uncertainty_s,
+        "time_uncertainty_s": options.time.map(|_| options.positioning.time_uncertainty_s),
     })
 }
 
@@ -214,10 +233,7 @@ impl Solve {
             (-90.0..90.0).contains(&self.mask),
             "--mask must be an elevation between -90 and 90 deg",
         )?;
-        check(
-            self.time_uncertainty > 0.0 && self.time_uncertainty <= 3600.0,
-            "--time-uncertainty must be above 0 and at most 3600 s",
-        )?;
+        check(self.time_uncertainty > 0.0, "--time-uncertainty must be above 0")?;
         for path in &self.nav {
             options.navigation.merge(rinex_nav::read(path)?);
         }
@@ -237,5 +253,22 @@ impl Solve {
             ..SnapshotOptions::default()
         };
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_units() {
+        assert_eq!(duration("90"), Ok(90.0));
+        assert_eq!(duration("0.5s"), Ok(0.5));
+        assert_eq!(duration("10min"), Ok(600.0));
+        assert_eq!(duration("5h"), Ok(18_000.0));
+        assert_eq!(duration("7d"), Ok(604_800.0));
+        for wrong in ["", "h", "5 h", "5m", "inf", "nan", "5hours"] {
+            assert!(duration(wrong).is_err(), "{wrong}");
+        }
     }
 }

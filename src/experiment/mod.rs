@@ -1,5 +1,6 @@
 //! Experiments: figures and tables of papers, made again from the same assumptions.
 
+pub mod aw_dgn;
 pub mod claim;
 pub mod detection;
 pub mod front_end;

@@ -126,13 +126,9 @@ fn run<O: Observations, const N: usize>(
     let mut phi = system.residuals(here, &clocks, &mut right);
     for iterations in 1..=K_MAX {
         let state = system.state(position, clocks);
-        let (dx, dc) = match system.factor(here) {
-            Some(()) => system.step(&mut right),
-            None => return Err(system.diagnose(here, state, iterations)),
-        };
-        if !dx.iter().chain(&dc).all(|v| v.is_finite()) {
+        let Some((dx, dc)) = system.step(here, &right) else {
             return Err(system.diagnose(here, state, iterations));
-        }
+        };
         if iterations > 1 {
             mu = if damping.restart { 1.0 } else { (2.0 * mu).min(1.0) };
         }

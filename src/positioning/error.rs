@@ -144,9 +144,30 @@ pub enum PositioningError {
         /// How far off it was assumed to be, s.
         uncertainty_s: f64,
     },
+    /// No place and time explain what a snapshot of unknown time measured.
+    #[error(
+        "no place on Earth explains the {what} of {satellites} satellites at any time from {} to {} ({:.1} h searched, {hypotheses} places and times explain the Dopplers{}): the time lies outside, the navigation data are of another date, or satellites were acquired falsely",
+        from.utc_iso(), to.utc_iso(), searched_s / 3600.0, left_out(*left_out_s)
+    )]
+    TimeNotFound {
+        /// The measurements: Dopplers or code phases.
+        what: &'static str,
+        /// Satellites used.
+        satellites: usize,
+        /// Beginning of what was searched.
+        from: GpsTime,
+        /// Its end.
+        to: GpsTime,
+        /// Time with ephemerides in force between these, s.
+        searched_s: f64,
+        /// Time of the given window without ephemerides, which was not searched, s.
+        left_out_s: f64,
+        /// Places and times that explain the Dopplers.
+        hypotheses: usize,
+    },
     /// Several places explain the code phases of a snapshot.
     #[error(
-        "two places {:.1} km apart explain the {satellites} code phases equally well: more satellites or a longer capture decide",
+        "two places {:.1} km and {apart_s:.0} s apart explain the {satellites} code phases equally well: more satellites, a longer capture or a better known time decide",
         distance_m / 1e3
     )]
     Ambiguous {
@@ -154,7 +175,32 @@ pub enum PositioningError {
         satellites: usize,
         /// Distance between the two best places, m.
         distance_m: f64,
+        /// Time between them, s.
+        apart_s: f64,
     },
+    /// A place and time explain the measurements, but so might false ones by chance.
+    #[error(
+        "the best of {hypotheses} places and times in {:.1} h explains the {satellites} code phases, but {expected:.1e} false ones that do so are to be expected: more satellites, a longer capture or a better known time would prove it",
+        searched_s / 3600.0
+    )]
+    Unproved {
+        /// Satellites used.
+        satellites: usize,
+        /// Time searched, s.
+        searched_s: f64,
+        /// Places and times that explain the Dopplers.
+        hypotheses: usize,
+        /// Expected number of false solutions.
+        expected: f64,
+    },
+}
+
+fn left_out(seconds: f64) -> String {
+    if (60.0..1e8).contains(&seconds) {
+        format!("; {:.1} h of the window have no ephemerides in force", seconds / 3600.0)
+    } else {
+        String::new()
+    }
 }
 
 fn list(dropped: &[Dropped]) -> String {

@@ -32,6 +32,20 @@ pub struct Residual {
     pub elevation: f64,
 }
 
+/// How the time of a snapshot was found, where it was not known beforehand.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TimeSearch {
+    /// Time that was searched, s: that with ephemerides in force.
+    pub searched_s: f64,
+    /// Time of the given window that was not, for lack of ephemerides, s; infinite for a window without
+    /// end.
+    pub left_out_s: f64,
+    /// Places and times that explained the Dopplers.
+    pub hypotheses: usize,
+    /// Bound on the expected number of false solutions that explain the measurements as well as this one.
+    pub false_expected: f64,
+}
+
 /// A position solution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fix {
@@ -62,6 +76,8 @@ pub struct Fix {
     pub excluded: Vec<Sv>,
     /// How the observations came about.
     pub method: FixMethod,
+    /// How the time was searched for, where it was.
+    pub time_search: Option<TimeSearch>,
     /// Name of the solver, such as `aw-dgn-bt`.
     pub solver: &'static str,
     /// Linearisations from the Earth's centre to convergence.

@@ -5,8 +5,11 @@
 
 mod adjustment;
 pub mod aw_dgn_bt;
+mod blind;
 mod coarse_time;
+mod code_phases;
 mod cold_start;
+mod doppler_time;
 mod error;
 mod fix;
 pub mod least_squares;
@@ -30,7 +33,7 @@ pub mod variable_projection;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};
-pub use fix::{Fix, FixMethod, Residual};
+pub use fix::{Fix, FixMethod, Residual, TimeSearch};
 pub use options::{
     Exclusion, Height, Observable, PositioningOptions, SnapshotOptions, SolveOptions,
 };

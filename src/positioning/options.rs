@@ -25,7 +25,8 @@ impl Default for PositioningOptions {
 pub struct SnapshotOptions {
     /// What all position solutions share.
     pub positioning: PositioningOptions,
-    /// How far the epoch's receive time may be from GPS time, s, either way.
+    /// How far the epoch's receive time may be from GPS time, s, either way. Beyond ten minutes the time is
+    /// searched for; where it is infinite, at all times that the ephemerides cover.
     pub time_uncertainty_s: f64,
     /// Speed that the receiver may have, m/s: it enters the standard deviation of the Dopplers.
     pub user_speed_mps: f64,

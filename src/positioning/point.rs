@@ -124,6 +124,7 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
             Observable::Doppler => FixMethod::Doppler,
             Observable::Both => FixMethod::Combined,
         },
+        time_search: None,
         solver: options.solver.name(),
         iterations: point.iterations,
     }

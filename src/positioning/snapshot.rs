@@ -9,12 +9,11 @@
 //!    come near it: a wrong integer leaves residuals of kilometres, and is refused. If no set of
 //!    integers passes, one and then two satellites are left out, as long as six remain.
 
-use super::aw_dgn_bt::aw_dgn_bt;
+use super::blind::solve_blind;
 use super::coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
+use super::doppler_time::{from_the_centre, satellites, seeds};
 use super::error::PositioningError;
 use super::least_squares::LeastSquares;
-use super::model::{Doppler, Satellite};
-use super::outcome::Failure;
 use super::selection::select;
 use super::sight::Sighting;
 use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
@@ -24,11 +23,11 @@ use crate::gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{NavigationData, Sv};
 use crate::observables::{CodeRange, ObservationEpoch};
-use nalgebra::{Matrix4, SVector, Vector3, Vector4};
+use nalgebra::{Matrix4, SVector, Vector3};
 use std::collections::BTreeSet;
 
 /// Unknowns of the code phases: position, bias and time.
-const NEEDED: usize = 5;
+pub(super) const NEEDED: usize = 5;
 /// With this many satellites the integers still prove themselves after a search over exclusions.
 const NEEDED_AFTER_EXCLUSION: usize = 6;
 /// Most satellites that are left out.
@@ -44,11 +43,12 @@ const MAX_SIGMA_OF_FIVE_M: f64 = 150.0;
 const DISTINCT_COST: f64 = 40.0;
 /// Places nearer than this are the same, m.
 const SAME_PLACE_M: f64 = 500.0;
-/// Time of flight of a signal, s, for the start.
-const FLIGHT_S: f64 = 0.075;
+/// Beyond this uncertainty of the time, s, it is searched for.
+const SEARCHED_S: f64 = 600.0;
 
 /// Position, time and clock from code phases modulo 1 ms and Dopplers; the epoch's receive time is
-/// good to `options.time_uncertainty_s`.
+/// good to `options.time_uncertainty_s`. Where that is more than ten minutes, the time is searched for
+/// ([`Fix::time_search`] tells how): over all times that the ephemerides cover if it is infinite.
 ///
 /// # Errors
 /// [`PositioningError`] names the cause: too few satellites (five are needed), stale ephemerides, no
@@ -58,6 +58,9 @@ pub fn solve_snapshot(
     nav: &NavigationData,
     options: &SnapshotOptions,
 ) -> Result<Fix, PositioningError> {
+    if options.time_uncertainty_s > SEARCHED_S {
+        return solve_blind(epoch, nav, options);
+    }
     let modulo = |range| match range {
         CodeRange::ModuloCodePeriod(range_m) => Some(range_m),
         CodeRange::Pseudorange(_) => None,
@@ -108,10 +111,11 @@ fn choices(n: usize, count: usize) -> Vec<Vec<usize>> {
 }
 
 /// A solution with its integers, and the iterations spent since the Earth's centre.
-struct Found {
-    fix: CoarseFix,
-    integers: Vec<i32>,
-    iterations: usize,
+#[derive(Clone)]
+pub(super) struct Found {
+    pub fix: CoarseFix,
+    pub integers: Vec<i32>,
+    pub iterations: usize,
 }
 
 impl Found {
@@ -125,12 +129,13 @@ impl Found {
         PositioningError::Ambiguous {
             satellites: self.integers.len(),
             distance_m: (self.fix.position_m() - best.position_m()).norm(),
+            apart_s: (self.fix.state[TIME] - best.state[TIME]).abs(),
         }
     }
 }
 
 /// Largest cost of `rows` rows: their mean and four standard deviations.
-fn limit(rows: usize) -> f64 {
+pub(super) fn limit(rows: usize) -> f64 {
     let rows = rows as f64;
     rows + 4.0 * (2.0 * rows).sqrt()
 }
@@ -172,24 +177,9 @@ fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningEr
 
 /// Where the Dopplers put the receiver, and the iterations that took.
 fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), PositioningError> {
-    let (satellites, rates): (Vec<Satellite>, Vec<f64>) = set
-        .iter()
-        .filter_map(|s| {
-            let state = s.orbit.state(problem.time - FLIGHT_S);
-            let satellite =
-                Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
-            Some((satellite, s.range_rate()?.0 + SPEED_OF_LIGHT * state.clock_drift_sps))
-        })
-        .unzip();
-    let cold = match aw_dgn_bt::<Doppler>(&satellites, &rates) {
-        Ok(c) => Ok((c.state.position_m.push(c.state.clock()), c.iterations)),
-        // Noise can put the optimum outside the wall: the place at the wall is a good start.
-        Err(Failure::Jammed { state, iterations, .. } | Failure::TooSlow { state, iterations }) => {
-            Ok((state.position_m.push(state.clock()), iterations))
-        }
-        Err(cause) => Err(PositioningError::Diverged { satellites: set.len(), cause }),
-    };
-    let (cold, spent) = cold?;
+    let (satellites, rates) = satellites(set, problem.time);
+    let (cold, spent) = from_the_centre(&satellites, &rates)
+        .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
     let cost_limit = limit(rates.len());
     std::iter::once(cold)
         .chain(seeds(&satellites))
@@ -210,22 +200,6 @@ fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), 
             time: problem.time,
             uncertainty_s: problem.options.time_uncertainty_s,
         })
-}
-
-/// Starts for the Dopplers when the Earth's centre leads nowhere: below the satellites' centroid, and
-/// around it at 0.2 and 0.6 rad.
-fn seeds(satellites: &[Satellite]) -> impl Iterator<Item = Vector4<f64>> {
-    let centre: Vector3<f64> = satellites.iter().map(|s| s.position_m.normalize()).sum();
-    let centre = centre.try_normalize(1e-9).unwrap_or(Vector3::x());
-    let side = centre.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(Vector3::x());
-    let other = centre.cross(&side);
-    let around = [0.2f64, 0.6].into_iter().flat_map(move |angle| {
-        (0..6).map(move |k| {
-            let (s, c) = (f64::from(k) * std::f64::consts::FRAC_PI_3).sin_cos();
-            centre * angle.cos() + (side * c + other * s) * angle.sin()
-        })
-    });
-    std::iter::once(centre).chain(around).map(|direction| direction.push(0.0))
 }
 
 /// Offsets of position and time from the region, most likely first within each time step.
@@ -278,7 +252,7 @@ fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, 
 }
 
 /// Applies the elevation mask and the last checks, and makes the fix.
-fn finish(
+pub(super) fn finish(
     problem: &CoarseTime,
     epoch: &ObservationEpoch,
     set: &[Sighting],
@@ -363,6 +337,7 @@ fn finish(
         excluded,
         method: FixMethod::Snapshot,
         solver: "aw-dgn-bt",
+        time_search: None,
         iterations: found.iterations,
     })
 }

@@ -2,7 +2,7 @@
 
 use super::PositioningOptions;
 use crate::gnss::atmosphere::Klobuchar;
-use crate::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
+use crate::gnss::constants::{L1_WAVELENGTH, MU_EARTH, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::{Geodetic, azimuth_elevation};
 use crate::gnss::ephemeris::tests::sample_ephemeris;
 use crate::gnss::orbit::Propagation;
@@ -70,7 +70,8 @@ impl Truth {
         mask: f64,
     ) -> ObservationEpoch {
         let place = Geodetic::from_ecef(&self.position_m);
-        let observations = nav.iter().filter_map(|ephemeris| {
+        let in_force = |sv: Sv| nav.nearest(sv, self.time);
+        let observations = nav.satellites().filter_map(in_force).filter_map(|ephemeris| {
             let satellite = Propagation::solve(ephemeris, &self.position_m, self.time).satellite;
             let (azimuth, elevation) = azimuth_elevation(&self.position_m, &satellite.position_m);
             let ionosphere =
@@ -95,4 +96,38 @@ impl Truth {
             observations: observations.collect(),
         }
     }
+}
+
+/// The same orbit and clock with its reference times `dt` s later, in the same week.
+pub fn moved(ephemeris: &Ephemeris, dt: f64) -> Ephemeris {
+    let a = ephemeris.sqrt_a * ephemeris.sqrt_a;
+    let motion = (MU_EARTH / (a * a * a)).sqrt() + ephemeris.delta_n;
+    Ephemeris {
+        toe: ephemeris.toe + dt,
+        toc: ephemeris.toc + dt,
+        m0: ephemeris.m0 + motion * dt,
+        omega0: ephemeris.omega0 + ephemeris.omega_dot * dt,
+        i0: ephemeris.i0 + ephemeris.idot * dt,
+        af0: ephemeris.af0 + ephemeris.af1 * dt,
+        ..ephemeris.clone()
+    }
+}
+
+/// Navigation data of many hours from the start of the week on, every two hours a new issue; semi-major
+/// axes differ by some km and clock rates by some 1e-12, as those of the real satellites do.
+pub fn navigation_data_of_hours(hours: u32) -> NavigationData {
+    let base = navigation_data();
+    let mut nav = NavigationData::default();
+    nav.ionosphere = base.ionosphere;
+    for (k, ephemeris) in base.iter().enumerate() {
+        // Irrational steps spread both evenly over -1..1.
+        let spread = |step: f64| 2.0 * (step * k as f64).fract() - 1.0;
+        let a = ephemeris.sqrt_a.powi(2) + 1.7e3 * spread(0.618_034);
+        let own =
+            Ephemeris { sqrt_a: a.sqrt(), af1: 3e-12 * spread(0.414_214), ..ephemeris.clone() };
+        for issue in 0..=hours / 2 {
+            nav.insert(moved(&own, f64::from(issue) * 7200.0 - ephemeris.toe.tow()));
+        }
+    }
+    nav
 }

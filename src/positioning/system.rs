@@ -10,6 +10,7 @@ use super::model::LineOfSight;
 use super::observations::{Observations, Seen};
 use super::outcome::{Failure, State};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
+use std::cmp::Ordering;
 use std::ops::Range;
 
 /// Largest number of rows that the position solvers take.
@@ -44,11 +45,11 @@ pub(super) struct System<'a, O, const N: usize> {
     weights: [f64; N],
     /// Squared length of each clock column.
     clock_squares: [f64; 2],
-    /// Orthonormal columns of the centred Jacobian, and its triangular factor.
-    q: [[f64; N]; 3],
-    r: Matrix3<f64>,
-    /// Mean of each column of the Jacobian, by clock term.
-    means: [Vector3<f64>; 2],
+    /// Rows of `[J | e]`; once solved, the orthogonal columns of the centred Jacobian.
+    augmented: [[f64; 4]; N],
+    /// Unit upper triangular factor of the centred `[J | e]`, and the squared lengths of its columns.
+    upper: [[f64; 4]; 3],
+    squares: [f64; 3],
     /// What the cost may grow by rounding.
     pub floor: f64,
 }
@@ -72,9 +73,9 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
             observed: [0.0; N],
             weights: [0.0; N],
             clock_squares: [0.0; 2],
-            q: [[0.0; N]; 3],
-            r: Matrix3::zeros(),
-            means: [Vector3::zeros(); 2],
+            augmented: [[0.0; 4]; N],
+            upper: [[0.0; 4]; 3],
+            squares: [0.0; 3],
             floor: 0.0,
         };
         for (group, square) in groups.into_iter().zip(&mut system.clock_squares) {
@@ -136,7 +137,7 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
     pub fn centred_residuals(&self, seen: &Rows<N>, right: &mut [f64; N]) -> (Clocks, f64) {
         self.residuals(seen, &[0.0; 2], right);
         let clocks = self.centre(right);
-        (clocks, dot(&right[..self.rows], &right[..self.rows]))
+        (clocks, right[..self.rows].iter().map(|e| e * e).sum())
     }
 
     /// Takes the clocks' part out of a right-hand side, and gives it.
@@ -144,73 +145,94 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
     fn centre(&self, right: &mut [f64; N]) -> Clocks {
         std::array::from_fn(|k| {
             let group = self.groups[k].clone();
-            take_out(&mut right[group.clone()], &self.weights[group], self.clock_squares[k])
+            if group.is_empty() {
+                return 0.0;
+            }
+            let (right, weights) = (&mut right[group.clone()], &self.weights[group]);
+            let pairs = right.iter().zip(weights);
+            let mean = pairs.map(|(e, w)| e * w).sum::<f64>() / self.clock_squares[k];
+            right.iter_mut().zip(weights).for_each(|(e, w)| *e -= mean * w);
+            mean
         })
     }
 
-    /// Factors the Jacobian of the rows `seen`; `None` if its columns depend on each other or a number
-    /// is not finite.
-    pub fn factor(&mut self, seen: &Rows<N>) -> Option<()> {
-        let n = self.rows;
-        for row in 0..n {
+    /// Minimiser of `|J dx - right|` for the rows `seen`, with free clock terms: the step in position
+    /// and in the clocks. `None` if the columns depend on each other or a number is not finite.
+    pub fn step(&mut self, seen: &Rows<N>, right: &[f64; N]) -> Option<(Vector3<f64>, Clocks)> {
+        let mut lengths = [0.0; 3];
+        for (row, augmented) in self.augmented[..self.rows].iter_mut().enumerate() {
             let gradient = self.observations.gradient(row, &seen[row]) * self.weights[row];
-            for (column, value) in self.q.iter_mut().zip(&gradient) {
-                column[row] = *value;
+            for (length, g) in lengths.iter_mut().zip(&gradient) {
+                *length += g * g;
+            }
+            *augmented = [gradient.x, gradient.y, gradient.z, right[row]];
+        }
+        let mut means = [[0.0; 4]; 2];
+        for (k, group) in self.groups.iter().enumerate().filter(|(_, group)| !group.is_empty()) {
+            let weights = &self.weights[group.clone()];
+            let rows = &mut self.augmented[group.clone()];
+            let sums = weighted_sum(rows, weights.iter().copied());
+            means[k] = sums.map(|s| s / self.clock_squares[k]);
+            for (row, weight) in rows.iter_mut().zip(weights) {
+                (0..4).for_each(|j| row[j] -= weight * means[k][j]);
             }
         }
+        let rows = &mut self.augmented[..self.rows];
         for k in 0..3 {
-            let length = dot(&self.q[k][..n], &self.q[k][..n]).sqrt();
-            for (g, group) in self.groups.iter().enumerate() {
-                let column = &mut self.q[k][group.clone()];
-                self.means[g][k] =
-                    take_out(column, &self.weights[group.clone()], self.clock_squares[g]);
-            }
-            let (before, rest) = self.q.split_at_mut(k);
-            let column = &mut rest[0][..n];
-            for (j, q) in before.iter().enumerate() {
-                self.r[(j, k)] = take_out(column, &q[..n], 1.0);
-            }
-            let left = dot(column, column).sqrt();
-            if !(left > RANK_TOLERANCE * length && left.is_finite()) {
+            let sums = weighted_sum(rows, rows.iter().map(|row| row[k]));
+            let square = sums[k];
+            if !(square > RANK_TOLERANCE * RANK_TOLERANCE * lengths[k] && square.is_finite()) {
                 return None;
             }
-            self.r[(k, k)] = left;
-            let inverse = 1.0 / left;
-            column.iter_mut().for_each(|v| *v *= inverse);
+            let upper = sums.map(|s| s / square);
+            for row in rows.iter_mut() {
+                let q = row[k];
+                (k + 1..4).for_each(|j| row[j] -= q * upper[j]);
+            }
+            (self.upper[k], self.squares[k]) = (upper, square);
         }
-        Some(())
+        let step = self.back_substitute(self.upper.map(|upper| upper[3]));
+        let clock =
+            |mean: &[f64; 4]| mean[3] - mean[0] * step.x - mean[1] * step.y - mean[2] * step.z;
+        let clocks = [clock(&means[0]), clock(&means[1])];
+        step.iter().chain(&clocks).all(|v| v.is_finite()).then_some((step, clocks))
     }
 
-    /// Minimiser of `|J dx - right|` with free clock terms: the step in position and in the clocks.
+    fn back_substitute(&self, [x, y, z]: [f64; 3]) -> Vector3<f64> {
+        let [u, v, _] = &self.upper;
+        let y = y - v[2] * z;
+        Vector3::new(x - u[1] * y - u[2] * z, y, z)
+    }
+
+    /// The step in position for another right-hand side of the same rows, centred.
     #[inline]
-    pub fn step(&self, right: &mut [f64; N]) -> (Vector3<f64>, Clocks) {
-        let mut clocks = self.centre(right);
-        let step = self.position_step(right);
-        for (clock, mean) in clocks.iter_mut().zip(&self.means) {
-            *clock -= mean.dot(&step);
-        }
-        (step, clocks)
+    pub fn step_again(&self, right: &mut [f64; N]) -> Vector3<f64> {
+        self.back_substitute(std::array::from_fn(|k| {
+            let pairs = || self.augmented[..self.rows].iter().zip(&*right);
+            let part = pairs().map(|(row, e)| row[k] * e).sum::<f64>() / self.squares[k];
+            let rows = self.augmented[..self.rows].iter().zip(&mut *right);
+            rows.for_each(|(row, e)| *e -= part * row[k]);
+            part
+        }))
     }
 
-    /// The same for a right-hand side that is centred, and the position only.
-    #[inline]
-    pub fn position_step(&self, right: &mut [f64; N]) -> Vector3<f64> {
-        let n = self.rows;
-        let [x, y, z] = std::array::from_fn(|k| take_out(&mut right[..n], &self.q[k][..n], 1.0));
-        let r = &self.r;
-        let z = z / r[(2, 2)];
-        let y = (y - r[(1, 2)] * z) / r[(1, 1)];
-        Vector3::new((x - r[(0, 1)] * y - r[(0, 2)] * z) / r[(0, 0)], y, z)
-    }
-
-    /// The same for a step within the plane of two orthonormal columns, by the normal equations of two
+    /// The last step confined to the plane of two orthonormal columns, by the normal equations of two
     /// unknowns: right to what a start needs.
-    pub fn step_within(&self, plane: &Matrix3x2<f64>, right: &mut [f64; N]) -> Vector3<f64> {
-        let n = self.rows;
-        let projection = Vector3::from_fn(|k, _| take_out(&mut right[..n], &self.q[k][..n], 1.0));
-        let inner = self.r * plane;
+    pub fn step_within(&self, plane: &Matrix3x2<f64>) -> Vector3<f64> {
+        let root = self.triangle();
+        let projection = Vector3::from_fn(|k, _| self.squares[k].sqrt() * self.upper[k][3]);
+        let inner = root * plane;
         let normal = (inner.transpose() * inner).try_inverse().unwrap_or_default();
         plane * (normal * (inner.transpose() * projection))
+    }
+
+    /// Triangular factor of the centred Jacobian.
+    fn triangle(&self) -> Matrix3<f64> {
+        Matrix3::from_fn(|k, j| match k.cmp(&j) {
+            Ordering::Less => self.squares[k].sqrt() * self.upper[k][j],
+            Ordering::Equal => self.squares[k].sqrt(),
+            Ordering::Greater => 0.0,
+        })
     }
 
     /// Second derivatives of the weighted rows along `along`, centred.
@@ -225,8 +247,10 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
 
     /// Covariance of the position from the last factor, m^2.
     pub fn covariance(&self) -> Matrix3<f64> {
-        let inverse = self.r.try_inverse().unwrap_or(Matrix3::repeat(f64::NAN));
-        inverse * inverse.transpose()
+        let [[_, a, b, _], [_, _, c, _], _] = self.upper;
+        let inverse = Matrix3::new(1.0, -a, a * c - b, 0.0, 1.0, -c, 0.0, 0.0, 1.0);
+        let scaled = inverse * Matrix3::from_diagonal(&Vector3::from(self.squares.map(f64::recip)));
+        scaled * inverse.transpose()
     }
 
     /// Why a factor or a step at `state` failed.
@@ -276,28 +300,12 @@ pub(super) fn unknowns(observations: &impl Observations) -> usize {
     3 + observations.rows().into_iter().filter(|&rows| rows > 0).count()
 }
 
-/// Sum of products, in four lanes.
+/// `sum(weight * row)`, column by column.
 #[inline]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 4];
-    let (a4, a1) = a.as_chunks::<4>();
-    let (b4, b1) = b.as_chunks::<4>();
-    for (a, b) in a4.iter().zip(b4) {
-        for k in 0..4 {
-            lanes[k] += a[k] * b[k];
-        }
+fn weighted_sum(rows: &[[f64; 4]], weights: impl Iterator<Item = f64>) -> [f64; 4] {
+    let mut sum = [0.0; 4];
+    for (row, weight) in rows.iter().zip(weights) {
+        (0..4).for_each(|j| sum[j] += weight * row[j]);
     }
-    let rest: f64 = a1.iter().zip(b1).map(|(a, b)| a * b).sum();
-    (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]) + rest
-}
-
-/// Takes from `v` its part along `q`, of squared length `square`, and gives the factor of `q`.
-#[inline]
-fn take_out(v: &mut [f64], q: &[f64], square: f64) -> f64 {
-    if v.is_empty() {
-        return 0.0;
-    }
-    let part = dot(v, q) / square;
-    v.iter_mut().zip(q).for_each(|(v, q)| *v -= part * q);
-    part
+    sum
 }

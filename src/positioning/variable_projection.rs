@@ -270,12 +270,12 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
         for _ in 0..2 {
             self.iterations += 1;
             let (clocks, _) = look(&self.system, &place, buffer);
-            if self.system.factor(&buffer.seen).is_none() {
+            if self.system.step(&buffer.seen, &buffer.right).is_none() {
                 let state = self.system.state(place, clocks);
                 return Err(self.system.diagnose(&buffer.seen, state, self.iterations));
             }
             let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
-            let step = self.system.step_within(&basis, &mut buffer.right);
+            let step = self.system.step_within(&basis);
             place = EARTH_RADIUS * (place + step).normalize();
         }
         Ok(place)
@@ -293,18 +293,14 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             self.iterations += 1;
             let iterations = self.iterations;
             let state = system.state(position, clocks);
-            let d = match system.factor(&here.seen) {
-                Some(()) => system.position_step(&mut here.right),
-                None => return Err(system.diagnose(&here.seen, state, iterations)),
+            let Some((d, _)) = system.step(&here.seen, &here.right) else {
+                return Err(system.diagnose(&here.seen, state, iterations));
             };
             let length = d.norm();
-            if !length.is_finite() {
-                return Err(system.diagnose(&here.seen, state, iterations));
-            }
             let mut a = Vector3::zeros();
             if length > CURVED_M {
                 system.curvatures(&here.seen, &d, &mut there.right);
-                let bend = -system.position_step(&mut there.right);
+                let bend = -system.step_again(&mut there.right);
                 if bend.norm() < 0.75 * length {
                     a = 0.5 * bend;
                 }

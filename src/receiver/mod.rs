@@ -15,7 +15,9 @@ use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::{ArrayDescription, direction};
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
-use crate::positioning::{Fix, Residual, SnapshotOptions, solve_snapshot};
+use crate::positioning::{
+    Fix, PositioningError, Residual, SnapshotOptions, TimeSearch, solve_snapshot,
+};
 use crate::tracking::TrackingOptions;
 use find::{Found, Region};
 use head::acquire_head;
@@ -47,7 +49,8 @@ pub struct ReceiverOptions {
     pub positioning: SnapshotOptions,
     /// Navigation data known beforehand.
     pub navigation: NavigationData,
-    /// GPS time of the first sample, as well as it is known.
+    /// GPS time of the first sample, as well as it is known; without it a snapshot's time is searched for
+    /// wherever the navigation data reach.
     pub time: Option<GpsTime>,
     /// Time between fixes, s.
     pub interval_s: f64,
@@ -216,7 +219,7 @@ pub fn process(
         solve_head(refine, rate_hz, options, &mut outcome);
     } else {
         track_all(&mut input, head, found, options, &mut outcome, progress)?;
-        if outcome.fixes.is_empty() && options.time.is_some() && !options.navigation.is_empty() {
+        if outcome.fixes.is_empty() && !options.navigation.is_empty() {
             // No message could be read, but the start of the recording is a snapshot all the same.
             solve_head(refine, rate_hz, options, &mut outcome);
         }
@@ -247,27 +250,52 @@ fn judge_sky(outcome: &mut Outcome, options: &ReceiverOptions) {
 /// The fix of a snapshot.
 fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &mut Outcome) {
     let found = outcome.acquisitions.len();
-    let reason = match options.time {
-        _ if found == 0 => Some(NOTHING_FOUND.to_owned()),
+    let reason = match found {
+        0 => Some(NOTHING_FOUND.to_owned()),
         _ if options.navigation.is_empty() => Some(format!(
-            "{found} satellites, but the recording is too short for their navigation message: give --nav FILE and --time T (good to a minute) for a snapshot fix"
+            "{found} satellites, but the recording is too short for their navigation message: give --nav FILE, and --time T if it is known to some hours or better, for a snapshot fix"
         )),
-        None => Some(format!(
-            "{found} satellites, but when was it? give --time T (good to a minute) for a snapshot fix"
-        )),
-        Some(time) => {
-            let epoch = snapshot_epoch(&outcome.acquisitions, time, samples, rate_hz);
-            let solved = solve_snapshot(&epoch, &options.navigation, &options.positioning);
-            outcome.epochs.push(epoch);
+        _ => {
+            // Without a time any instant serves as the origin of the search.
+            let origin = options.navigation.iter().next().map(|e| e.toe);
+            let time = options.time.or(origin).unwrap_or(GpsTime::from_week_tow(0, 0.0));
+            let mut epoch = snapshot_epoch(&outcome.acquisitions, time, samples, rate_hz);
+            let mut positioning = options.positioning;
+            if options.time.is_none() {
+                positioning.time_uncertainty_s = f64::INFINITY;
+            }
+            let solved = solve_snapshot(&epoch, &options.navigation, &positioning);
+            if let (None, Ok(fix)) = (options.time, &solved) {
+                epoch.receive_time = fix.time;
+            }
+            if options.time.is_some() || solved.is_ok() {
+                outcome.epochs.push(epoch);
+            }
             match solved {
                 Ok(fix) => {
+                    // Without a time the clock has no reading that could be off.
+                    let clock_bias_s = options.time.map_or(0.0, |_| fix.clock_bias_s);
+                    outcome.warnings.extend(fix.time_search.and_then(|s| left_out(&s)));
                     outcome.first_fix_s = Some(samples as f64 / rate_hz);
-                    outcome.fixes.push(fix);
+                    outcome.fixes.push(Fix { clock_bias_s, ..fix });
                     None
                 }
+                Err(error @ PositioningError::Unexplained { .. }) => Some(format!(
+                    "{error}; a greater --time-uncertainty, such as 5h, searches further"
+                )),
                 Err(error) => Some(error.to_string()),
             }
         }
     };
     outcome.reason = reason;
+}
+
+/// What to say of the part of a window of time that was not searched.
+fn left_out(search: &TimeSearch) -> Option<String> {
+    let hours = search.left_out_s / 3600.0;
+    (hours.is_finite() && hours > 1.0 / 60.0).then(|| {
+        format!(
+            "{hours:.1} h of the time allowed were not searched, as too few ephemerides are in force then"
+        )
+    })
 }

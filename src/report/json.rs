@@ -83,6 +83,12 @@ struct FixRecord {
     satellites: Vec<Sv>,
     method: FixMethod,
     solver: &'static str,
+    /// Over how much time the time of the fix was searched for, where it was, and how many false fixes that
+    /// explain the measurements as well were to be expected.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_searched_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    false_fixes_expected: Option<f64>,
     iterations: usize,
     /// East, north, up.
     sigma_m: [f64; 3],
@@ -181,6 +187,8 @@ impl FixRecord {
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,
             solver: fix.solver,
+            time_searched_s: fix.time_search.map(|s| s.searched_s),
+            false_fixes_expected: fix.time_search.map(|s| s.false_expected),
             iterations: fix.iterations,
             sigma_m: std::array::from_fn(|k| fix.covariance[(k, k)].max(0.0).sqrt()),
             pdop: fix.pdop,

@@ -314,7 +314,7 @@ pub(super) fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
             .caption(&map.title, (FONT, 15))
             .margin(12)
             .x_label_area_size(40)
-            .y_label_area_size(150)
+            .y_label_area_size(185)
             .build_cartesian_2d(0.0..columns as f64 * 1.16, rows as f64..0.0)?;
         chart.configure_mesh().disable_mesh().disable_axes().draw()?;
         let cell = |x: [f64; 2], y: [f64; 2], share: f64| {

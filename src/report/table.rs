@@ -67,6 +67,17 @@ pub fn fix_table(run: &Run) -> String {
     let needed = run.first_fix_s.unwrap_or(s.first_fix_s);
     line("first fix", format!("from the first {needed:.2} s of signal"));
     line("last fix", last.time.utc_iso());
+    if let Some(search) = last.time_search {
+        line(
+            "its time",
+            format!(
+                "found in {:.1} h, {} places and times explain the Dopplers, {:.0e} false fixes to be expected",
+                search.searched_s / 3600.0,
+                search.hypotheses,
+                search.false_expected
+            ),
+        );
+    }
     line(
         "position",
         format!(

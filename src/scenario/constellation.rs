@@ -3,7 +3,9 @@
 
 use super::values;
 use crate::gnss::constants::{GPS_PI, OMEGA_EARTH};
+use crate::gnss::coordinates::azimuth_elevation;
 use crate::gnss::{Ephemeris, GpsTime, Sv};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Walker's delta pattern i: T/P/F (Walker 1984): T satellites in P evenly spaced planes, F steps of
@@ -11,7 +13,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
-    /// `T/P/F`, such as `24/6/1`; at most 32 satellites, which become G01, G02, ... plane by plane.
+    /// `T/P/F`, such as `24/6/1`. Up to 32 satellites become G01, G02, ... plane by plane; of more, as low
+    /// shells have them, the 32 that are highest at the receiver at the start, the highest first.
     pub pattern: Pattern,
     /// Inclination, degrees.
     #[serde(default = "gps_inclination", deserialize_with = "values::elevation")]
@@ -38,25 +41,29 @@ fn gps_axis() -> f64 {
     26_560.0
 }
 
+/// GPS satellites that have a number.
+const NUMBERS: usize = 32;
+
 /// The numbers of a Walker pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Pattern {
-    /// T: satellites, 1 to 32.
-    pub satellites: u8,
+    /// T: satellites.
+    pub satellites: u16,
     /// P: planes, a divisor of T.
-    pub planes: u8,
+    pub planes: u16,
     /// F: phasing, 0 to P - 1.
-    pub phasing: u8,
+    pub phasing: u16,
 }
 
 impl TryFrom<String> for Pattern {
     type Error = String;
     fn try_from(text: String) -> Result<Self, String> {
-        let numbers: Vec<u8> = text.split('/').map_while(|n| n.parse().ok()).collect();
+        let numbers: Vec<u16> = text.split('/').map_while(|n| n.parse().ok()).collect();
         match numbers[..] {
-            [satellites @ 1..=32, planes, phasing]
-                if planes > 0
+            [satellites, planes, phasing]
+                if satellites > 0
+                    && planes > 0
                     && satellites % planes == 0
                     && phasing < planes
                     && text.matches('/').count() == 2 =>
@@ -64,8 +71,7 @@ impl TryFrom<String> for Pattern {
                 Ok(Self { satellites, planes, phasing })
             }
             _ => Err(format!(
-                "'{text}' is no Walker pattern T/P/F: T at most 32 satellites, P a divisor of T, F < P, \
-                 such as 24/6/1"
+                "'{text}' is no Walker pattern T/P/F: T satellites, P a divisor of T, F < P, such as 24/6/1"
             )),
         }
     }
@@ -78,25 +84,39 @@ impl From<Pattern> for String {
 }
 
 impl Walker {
-    /// The ephemerides, with their epoch at the two-hour mark nearest `start` and zero clock terms
-    /// except relativity.
-    pub fn ephemerides(&self, start: GpsTime) -> Vec<Ephemeris> {
+    /// The ephemerides of the satellites that have a number, with their epoch at the two-hour mark nearest
+    /// `start` and zero clock terms except relativity; `receiver_m` (ECEF) is where heights are compared.
+    pub fn ephemerides(&self, start: GpsTime, receiver_m: &Vector3<f64>) -> Vec<Ephemeris> {
+        let mut all = self.all(start);
+        if all.len() > NUMBERS {
+            let elevation =
+                |e: &Ephemeris| azimuth_elevation(receiver_m, &e.state(start).position_m).1;
+            all.sort_by(|a, b| elevation(b).total_cmp(&elevation(a)));
+        }
+        let numbered = all.into_iter().zip((1u8..).map_while(Sv::from_prn)).take(NUMBERS);
+        numbered
+            .map(|(e, sv)| Ephemeris { sv, iodc: u16::from(sv.prn()), iode: sv.prn(), ..e })
+            .collect()
+    }
+
+    /// All satellites, as if they were one.
+    fn all(&self, start: GpsTime) -> Vec<Ephemeris> {
         let epoch = GpsTime::from_week_tow(start.week(), (start.tow() / 7200.0).round() * 7200.0);
         let Pattern { satellites, planes, phasing } = self.pattern;
         let per_plane = satellites / planes;
         let turn = 2.0 * GPS_PI;
         let node_of_week = self.node_longitude_deg.to_radians() + OMEGA_EARTH * epoch.tow();
+        let sv = Sv::from_prn(1).expect("number 1 is a GPS satellite");
         (0..satellites)
-            .filter_map(|k| Some((k, Sv::from_prn(k + 1)?)))
-            .map(|(k, sv)| {
+            .map(|k| {
                 let (plane, slot) = (f64::from(k / per_plane), f64::from(k % per_plane));
                 let phase = slot / f64::from(per_plane)
-                    + plane * f64::from(phasing) / f64::from(satellites);
+                    + (plane * f64::from(phasing) / f64::from(satellites)).fract();
                 let wrap = |angle: f64| (angle + GPS_PI).rem_euclid(turn) - GPS_PI;
                 Ephemeris {
                     sv,
-                    iodc: u16::from(k) + 1,
-                    iode: k + 1,
+                    iodc: 1,
+                    iode: 1,
                     ura_index: 0,
                     health: 0,
                     l2_codes: 1,
@@ -145,7 +165,8 @@ mod tests {
             argument_deg: 0.0,
         };
         let start = GpsTime::from_week_tow(2190, 525_000.0);
-        let all = walker.ephemerides(start);
+        let here = nalgebra::Vector3::new(6.37e6, 0.0, 0.0);
+        let all = walker.ephemerides(start, &here);
         assert_eq!(all.len(), 24);
         let at = |k: usize| all[k].state(all[k].toe).position_m / 26.56e6;
         // The first satellite is at its node, at 20 degrees of longitude.
@@ -159,7 +180,19 @@ mod tests {
         assert!((at(1).z - 55f64.to_radians().sin()).abs() < 1e-9);
         // Plane 1 is turned by 60 degrees and its first satellite 15 degrees past the node.
         assert!((at(4).z - 15f64.to_radians().sin() * 55f64.to_radians().sin()).abs() < 1e-9);
-        for text in ["24/5/1", "33/3/0", "24/6/6", "24/6", "a/b/c", "24/6/1/0", "0/1/0", "24/0/0"] {
+        // Of a shell of 1584 the 32 highest are numbered, downwards.
+        let shell = Walker {
+            pattern: Pattern::try_from("1584/72/39".to_owned()).unwrap(),
+            semi_major_axis_km: 6921.0,
+            ..walker
+        };
+        let highest = shell.ephemerides(start, &here);
+        let elevation = |e: &Ephemeris| azimuth_elevation(&here, &e.state(start).position_m).1;
+        assert_eq!(highest.len(), 32);
+        assert!(highest.is_sorted_by(|a, b| elevation(a) >= elevation(b) && a.sv < b.sv));
+        let above = |e: &&Ephemeris| elevation(e) > elevation(&highest[31]);
+        assert_eq!(shell.all(start).iter().filter(above).count(), 31);
+        for text in ["24/5/1", "33/2/0", "24/6/6", "24/6", "a/b/c", "24/6/1/0", "0/1/0", "24/0/0"] {
             assert!(Pattern::try_from(text.to_owned()).is_err(), "{text}");
         }
     }

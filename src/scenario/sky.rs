@@ -41,7 +41,8 @@ impl Scenario {
             Orbits::NavigationFile(path) => rinex_nav::read(path)?,
             Orbits::Walker(walker) => {
                 let mut data = NavigationData::default();
-                walker.ephemerides(self.start).into_iter().for_each(|e| data.insert(e));
+                let here = self.receiver.position.ecef();
+                walker.ephemerides(self.start, &here).into_iter().for_each(|e| data.insert(e));
                 data
             }
         };

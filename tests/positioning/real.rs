@@ -15,7 +15,19 @@ pub fn trials() -> Vec<Trial> {
     vec![
         data_trial("a_simulated_ublox_is_located_to_three_metres", simulated_ublox),
         data_trial("a_septentrio_on_a_roof_is_located_to_five_metres", septentrio),
-        data_trial("real_code_phases_of_one_epoch_are_a_snapshot", snapshot),
+        data_trial("real_code_phases_of_one_epoch_are_a_snapshot", |d| {
+            snapshot(d, 10, 60.0, SnapshotOptions::default())
+        }),
+        data_trial("real_code_phases_tell_the_time_within_five_hours", |d| {
+            let time_uncertainty_s = 18_000.0;
+            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+            snapshot(d, 30, time_uncertainty_s, options)
+        }),
+        data_trial("real_code_phases_tell_the_time_of_the_navigation_file", |d| {
+            let time_uncertainty_s = f64::INFINITY;
+            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+            snapshot(d, 30, 1e8, options)
+        }),
     ]
 }
 
@@ -89,18 +101,25 @@ pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
     Ok(Geodetic::from_degrees(latitude, longitude, height).to_ecef())
 }
 
-/// The pseudoranges of the roof cut to their part of a millisecond, and the time told wrong by up to
-/// a minute: time is found to 0.1 s. Coarse time costs about three times the error of the full fix.
-fn snapshot(folder: &Path) -> Result<(), Failed> {
+/// The pseudoranges of the roof, of every so many epochs, cut to their part of a millisecond, and the time
+/// told wrong by up to `off_s`: it is found to 0.1 s. Coarse time costs about three times the error of the
+/// full fix.
+fn snapshot(
+    folder: &Path,
+    every: usize,
+    off_s: f64,
+    options: SnapshotOptions,
+) -> Result<(), Failed> {
     let folder = folder.join("obs/matrtklib-static");
     let nav = rinex_nav::read(folder.join("base.nav"))?;
     let truth = place(&folder.join("rover_position.txt"))?;
     let mut epochs: Vec<ObservationEpoch> =
-        epochs(&folder.join("rover.obs"))?.into_iter().step_by(10).collect();
+        epochs(&folder.join("rover.obs"))?.into_iter().step_by(every).collect();
     let mut times = Vec::new();
     for (k, epoch) in epochs.iter_mut().enumerate() {
         times.push(epoch.receive_time);
-        epoch.receive_time = epoch.receive_time + (37.0 * k as f64).rem_euclid(120.0) - 60.0;
+        epoch.receive_time =
+            epoch.receive_time + off_s * ((37.0 * k as f64).rem_euclid(120.0) / 60.0 - 1.0);
         for observation in &mut epoch.observations {
             if let CodeRange::Pseudorange(range_m) = observation.range {
                 let phase_m = range_m.rem_euclid(SPEED_OF_LIGHT * 1e-3);
@@ -109,7 +128,7 @@ fn snapshot(folder: &Path) -> Result<(), Failed> {
         }
     }
     check(&epochs, &truth, 15.0, |epoch| {
-        let fix = solve_snapshot(epoch, &nav, &SnapshotOptions::default())?;
+        let fix = solve_snapshot(epoch, &nav, &options)?;
         let nearest = times.iter().map(|t| (fix.time - *t).abs()).fold(f64::INFINITY, f64::min);
         if nearest < 0.1 { Ok(fix) } else { Err(format!("time off by {nearest} s").into()) }
     })

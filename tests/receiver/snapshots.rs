@@ -20,9 +20,9 @@ pub fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Place and GPS time of the first sample.
-const TOKYO: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
-const TOKYO_WEEK_TOW: (i32, f64) = (2190, 525_633.0);
+/// Place of the capture over Tokyo, and GPS time of its first sample.
+pub const TOKYO: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
+pub const TOKYO_WEEK_TOW: (i32, f64) = (2190, 525_633.0);
 
 /// Greatest error of the time given, s; of the time found, s; and of any printed position, m.
 const TIME_OFF_S: f64 = 60.0;
@@ -30,7 +30,7 @@ const TIME_S: f64 = 0.1;
 const FAR_M: f64 = 500.0;
 
 /// The receiver's answer to part of a capture, told that it was recorded `off_s` later than it was.
-fn snapshot(
+pub fn snapshot(
     data: &Path,
     name: &str,
     open: OpenOptions,

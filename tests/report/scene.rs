@@ -125,6 +125,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         residuals: epoch.observations.iter().filter_map(residual).collect(),
         excluded: Vec::new(),
         method: FixMethod::Tracking,
+        time_search: None,
         solver: "aw-dgn-bt",
         iterations: 9,
     }
