@@ -1,6 +1,7 @@
 //! The commands: one file each, and no signal processing.
 
 mod acquire;
+mod corrections;
 mod experiment;
 mod experiment_aw_dgn;
 mod experiment_front_end;
@@ -12,6 +13,7 @@ mod output;
 mod process;
 mod receive;
 mod simulate;
+mod solve;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -32,6 +34,7 @@ enum Command {
     Look(look::Look),
     Info(info::Info),
     Simulate(simulate::Simulate),
+    Solve(solve::Solve),
 }
 
 /// Runs the command line and gives the exit code: 0 the asked result, 1 no fix, 2 usage or input.
@@ -43,6 +46,7 @@ pub fn main() -> ExitCode {
         Command::Look(args) => look::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Solve(args) => solve::run(&args),
     };
     result.unwrap_or_else(|error| {
         eprintln!("sdr-rx: {error:#}");

@@ -22,20 +22,7 @@ pub struct Printed<'a> {
 impl Printed<'_> {
     /// The JSON object to `json`, or the tables to standard output; warnings to standard error.
     pub fn print(&self, json: Option<&Path>, fixes: bool) -> anyhow::Result<()> {
-        self.with_run(|run| {
-            let to_stdout = json == Some(Path::new("-"));
-            if let Some(path) = json.filter(|_| !to_stdout) {
-                report::write_atomically(path, report::json(run).as_bytes())?;
-            }
-            let text = if to_stdout { report::json(run) } else { tables(run, self.outcome, fixes) };
-            for warning in run.warnings {
-                eprintln!("warning: {warning}");
-            }
-            match std::io::stdout().write_all(text.as_bytes()) {
-                Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
-                _ => Ok(()),
-            }
-        })
+        self.with_run(|run| emit(run, json, tables(run, self.outcome, fixes)))
     }
 
     /// All reports into a folder.
@@ -64,7 +51,7 @@ impl Printed<'_> {
         };
         then(&Run {
             capture: &names.join(" "),
-            stream: &stream,
+            input: report::Input::Samples(&stream),
             acquisitions: &acquisitions,
             sky: self.outcome.sky.as_ref(),
             epochs: &self.outcome.epochs,
@@ -74,9 +61,26 @@ impl Printed<'_> {
             warnings: &self.outcome.warnings,
             reason: self.outcome.reason.as_deref(),
             first_fix_s: self.outcome.first_fix_s,
+            reference: None,
             seed: self.receive.input.scenario()?.map(|scenario| scenario.seed),
             options: self.options.clone(),
         })
+    }
+}
+
+/// The JSON object of a run to `json`, or `tables` to standard output; warnings to standard error.
+pub fn emit(run: &Run, json: Option<&Path>, tables: String) -> anyhow::Result<()> {
+    let to_stdout = json == Some(Path::new("-"));
+    if let Some(path) = json.filter(|_| !to_stdout) {
+        report::write_atomically(path, report::json(run).as_bytes())?;
+    }
+    let text = if to_stdout { report::json(run) } else { tables };
+    for warning in run.warnings {
+        eprintln!("warning: {warning}");
+    }
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
     }
 }
 

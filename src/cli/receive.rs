@@ -1,5 +1,6 @@
 //! The options that `process` and `acquire` share, and how they become the receiver's.
 
+use super::corrections::Corrections;
 use super::input::{Input, si_number};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
@@ -8,10 +9,9 @@ use sdr_rx::array::{Engine, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
-use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::{NavigationData, Sv, rinex_nav};
-use sdr_rx::positioning::{PositioningOptions, SnapshotOptions};
+use sdr_rx::positioning::SnapshotOptions;
 use sdr_rx::receiver::ReceiverOptions;
 use sdr_rx::tracking::TrackingOptions;
 use std::path::PathBuf;
@@ -69,18 +69,9 @@ pub struct Solve {
     /// that --nav covers are searched
     #[arg(long, value_name = "S", default_value = "60", value_parser = duration, help_heading = "Position")]
     pub time_uncertainty: f64,
-    /// Troposphere model
-    #[arg(long, value_name = "MODEL", default_value = "saastamoinen", help_heading = "Position")]
-    pub troposphere: TroposphereArg,
-    /// Satellites below this elevation are not used, deg
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 5.0,
-        allow_negative_numbers = true,
-        help_heading = "Position"
-    )]
-    pub mask: f64,
+    /// What is taken out of the ranges.
+    #[command(flatten)]
+    pub corrections: Corrections,
     /// Time between fixes, s
     #[arg(long, value_name = "S", default_value_t = 1.0, help_heading = "Position")]
     pub interval: f64,
@@ -141,15 +132,6 @@ impl From<EngineArg> for Engine {
             EngineArg::Lda => Self::Lda,
         }
     }
-}
-
-/// `--troposphere`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum TroposphereArg {
-    /// No delay, as in most simulators.
-    None,
-    /// Saastamoinen in the standard atmosphere.
-    Saastamoinen,
 }
 
 /// Rate that automatic decimation keeps at least, Hz.
@@ -235,10 +217,6 @@ impl Solve {
             self.interval >= 0.01 && self.interval.is_finite(),
             "--interval must be 0.01 s or more",
         )?;
-        check(
-            (-90.0..90.0).contains(&self.mask),
-            "--mask must be an elevation between -90 and 90 deg",
-        )?;
         check(self.time_uncertainty > 0.0, "--time-uncertainty must be above 0")?;
         for path in &self.nav {
             options.navigation.merge(rinex_nav::read(path)?);
@@ -248,13 +226,7 @@ impl Solve {
         options.tracking.pll_hz = self.pll_bw;
         options.tracking.dll_hz = self.dll_bw;
         options.positioning = SnapshotOptions {
-            positioning: PositioningOptions {
-                troposphere: match self.troposphere {
-                    TroposphereArg::None => Troposphere::None,
-                    TroposphereArg::Saastamoinen => Troposphere::Saastamoinen,
-                },
-                elevation_mask: self.mask.to_radians(),
-            },
+            positioning: self.corrections.options()?,
             time_uncertainty_s: self.time_uncertainty,
             ..SnapshotOptions::default()
         };

@@ -2,8 +2,8 @@
 
 use super::kml::escape;
 use super::{
-    ReportError, Run, Summary, acquisition_table, array_sky_table, east_north_plot, fix_table,
-    height_plot, sky, sky_plot,
+    Input, ReportError, Run, Summary, acquisition_table, array_sky_table, east_north_plot,
+    fix_table, height_plot, sky, sky_plot,
 };
 use std::fmt::Write;
 
@@ -18,23 +18,28 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
          <title>{title}: sdr-rx</title>\n<style>{STYLE}</style>\n<h1>{title}</h1>\n"
     );
-    let stream = run.stream;
-    let length =
-        stream.samples.map_or(String::new(), |n| format!(", {:.3} s", n as f64 / stream.rate_hz));
-    let _ = writeln!(
-        page,
-        "<p>{} at {} Hz, intermediate frequency {} Hz, {} channel(s){length}. sdr-rx {}.</p>",
-        escape(&stream.format),
-        stream.rate_hz,
-        stream.if_hz,
-        stream.channels,
-        env!("CARGO_PKG_VERSION")
-    );
+    let made_from = match run.input {
+        Input::Samples(stream) => {
+            let length = |n| format!(", {:.3} s", n as f64 / stream.rate_hz);
+            format!(
+                "{} at {} Hz, intermediate frequency {} Hz, {} channel(s){}",
+                escape(&stream.format),
+                stream.rate_hz,
+                stream.if_hz,
+                stream.channels,
+                stream.samples.map_or(String::new(), length),
+            )
+        }
+        Input::Observations { version } => {
+            format!("RINEX {version:.2} observations, {} epochs", run.epochs.len())
+        }
+    };
+    let _ = writeln!(page, "<p>{made_from}. sdr-rx {}.</p>", env!("CARGO_PKG_VERSION"));
     for warning in run.warnings {
         let _ = writeln!(page, "<p class=\"warning\">{}</p>", escape(warning));
     }
     let _ = writeln!(page, "<h2>Position</h2>\n<pre>{}</pre>", escape(&fix_table(run)));
-    if let Some(summary) = Summary::new(run.fixes, run.stream.rate_hz) {
+    if let Some(summary) = Summary::new(run.fixes, run.input.rate_hz()) {
         let first = run.fixes[0].time;
         let times: Vec<f64> = run.fixes.iter().map(|f| f.time - first).collect();
         let _ = writeln!(
@@ -49,10 +54,10 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
         let table = escape(&array_sky_table(sky));
         let _ = writeln!(page, "<h2>Directions</h2>\n<pre>{table}</pre>");
     }
-    let _ = writeln!(
-        page,
-        "<h2>Satellites found</h2>\n<pre>{}</pre>\n</html>",
-        escape(&acquisition_table(run.acquisitions))
-    );
+    if matches!(run.input, Input::Samples(_)) {
+        let table = escape(&acquisition_table(run.acquisitions));
+        let _ = writeln!(page, "<h2>Satellites found</h2>\n<pre>{table}</pre>");
+    }
+    page += "</html>\n";
     Ok(page)
 }

@@ -1,7 +1,7 @@
 //! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
 
-use super::Run;
 use super::array_sky::ArraySkyRecord;
+use super::{Accuracy, Input, Run};
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
@@ -30,6 +30,8 @@ pub struct Document {
     first_fix_s: Option<f64>,
     fixes: Vec<FixRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    accuracy: Option<Accuracy>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     warnings: Vec<String>,
 }
@@ -38,6 +40,12 @@ pub struct Document {
 struct Capture {
     name: String,
     format: String,
+    #[serde(flatten)]
+    stream: Option<Stream>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Stream {
     rate_hz: f64,
     if_hz: f64,
     channels: usize,
@@ -77,7 +85,8 @@ struct FixRecord {
     /// ECEF.
     #[serde(skip_serializing_if = "Option::is_none")]
     velocity_mps: Option<[f64; 3]>,
-    clock_bias_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock_bias_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     clock_drift_sps: Option<f64>,
     satellites: Vec<Sv>,
@@ -117,12 +126,13 @@ impl Document {
             version: env!("CARGO_PKG_VERSION"),
             options: run.options.clone(),
             seed: run.seed,
-            capture: Capture::new(run.capture, run.stream),
+            capture: Capture::new(run.capture, &run.input),
             noise: run.noise.cloned(),
             sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(FixRecord::new).collect(),
+            accuracy: run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),
         }
@@ -130,10 +140,18 @@ impl Document {
 }
 
 impl Capture {
-    fn new(name: &str, stream: &StreamInfo) -> Self {
+    fn new(name: &str, input: &Input) -> Self {
+        let (format, stream) = match input {
+            Input::Samples(stream) => (stream.format.clone(), Some(Stream::new(stream))),
+            Input::Observations { version } => (format!("RINEX {version:.2}"), None),
+        };
+        Self { name: name.to_owned(), format, stream }
+    }
+}
+
+impl Stream {
+    fn new(stream: &StreamInfo) -> Self {
         Self {
-            name: name.to_owned(),
-            format: stream.format.clone(),
             rate_hz: stream.rate_hz,
             if_hz: stream.if_hz,
             channels: stream.channels,
@@ -182,7 +200,7 @@ impl FixRecord {
             height_m: place.height,
             ecef_m: fix.position_m.into(),
             velocity_mps: fix.velocity_mps.map(Into::into),
-            clock_bias_s: fix.clock_bias_s,
+            clock_bias_s: Some(fix.clock_bias_s).filter(|bias| bias.is_finite()),
             clock_drift_sps: fix.clock_drift_sps,
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,

@@ -4,6 +4,7 @@
 //! into a folder, each file whole or not at all. The same results give the same bytes: no report holds
 //! the time of its own making.
 
+mod accuracy;
 mod array_sky;
 mod files;
 mod geojson;
@@ -19,6 +20,7 @@ mod summary;
 mod svg;
 mod table;
 
+pub use accuracy::{Accuracy, Reference};
 pub use array_sky::array_sky_table;
 pub use files::{OutputDir, ReportError, write_all, write_atomically};
 pub use geojson::geojson;
@@ -42,13 +44,35 @@ use crate::gnss::NavigationData;
 use crate::observables::ObservationEpoch;
 use crate::positioning::Fix;
 
+/// What a run was made from.
+#[derive(Clone, Copy, Debug)]
+pub enum Input<'a> {
+    /// Samples, and what is known of them.
+    Samples(&'a StreamInfo),
+    /// A file of RINEX observations of this version: `sample` counts seconds from its first epoch.
+    Observations {
+        /// The format's version.
+        version: f64,
+    },
+}
+
+impl Input<'_> {
+    /// How many of what `sample` counts make a second.
+    pub fn rate_hz(&self) -> f64 {
+        match self {
+            Self::Samples(stream) => stream.rate_hz,
+            Self::Observations { .. } => 1.0,
+        }
+    }
+}
+
 /// All that a run of the receiver brought forth, as the reports read it.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// Name of the capture, without its folder.
     pub capture: &'a str,
-    /// What is known of the capture.
-    pub stream: &'a StreamInfo,
+    /// What it was made from.
+    pub input: Input<'a>,
     /// Satellites found.
     pub acquisitions: &'a [Acquisition],
     /// The satellites as an array sees them.
@@ -67,6 +91,8 @@ pub struct Run<'a> {
     pub reason: Option<&'a str>,
     /// Signal from the first sample on that the first fix needed, s, where there is one.
     pub first_fix_s: Option<f64>,
+    /// A place that the fixes are to be compared with.
+    pub reference: Option<Reference<'a>>,
     /// Seed of random draws, if any were made.
     pub seed: Option<u64>,
     /// The options of the run, as they are to be echoed.

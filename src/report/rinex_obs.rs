@@ -71,7 +71,7 @@ fn header(run: &Run) -> String {
     let system = if systems == ['G'] { "G: GPS" } else { "M: MIXED" };
     let kind = format!("{:>9.2}{:11}{:20}{system}", 3.04, "", "OBSERVATION DATA");
     let position =
-        Summary::new(run.fixes, run.stream.rate_hz).map_or([0.0; 3], |s| s.median_m.into());
+        Summary::new(run.fixes, run.input.rate_hz()).map_or([0.0; 3], |s| s.median_m.into());
     let [x, y, z] = position;
     let mut lines = vec![
         (kind, "RINEX VERSION / TYPE"),
@@ -119,7 +119,10 @@ fn line(o: &Observation) -> String {
     };
     let lli = if o.lost_lock { '1' } else { ' ' };
     // Signal strength 1 to 9: 6 dB-Hz a step (RINEX 3.04 section 5.7).
-    let strength = (o.cn0_dbhz / 6.0).floor().clamp(1.0, 9.0) as u8;
+    let strength = match o.cn0_dbhz {
+        cn0 if cn0.is_finite() => ((cn0 / 6.0).floor().clamp(1.0, 9.0) as u8).to_string(),
+        _ => " ".to_owned(),
+    };
     let mut text = o.sv.to_string();
     let fields = [
         (code, ' '),
@@ -129,6 +132,7 @@ fn line(o: &Observation) -> String {
     ];
     for (k, (value, flag)) in fields.into_iter().enumerate() {
         // What does not fit its 14 columns is left out, as the format has it for missing values.
+        let value = value.filter(|v| v.is_finite());
         let number = value.map(|v| format!("{v:14.3}")).filter(|n| n.len() == 14);
         let _ = match number {
             Some(number) if k == 1 => write!(text, "{number}{flag}{strength}"),

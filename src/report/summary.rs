@@ -24,7 +24,7 @@ pub fn sky(run: &Run) -> Vec<SkyEntry> {
     let cn0 = |sv: Sv| {
         let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv == sv);
         let acquired = || run.acquisitions.iter().find(|a| a.sv == sv).map(|a| a.cn0_dbhz);
-        newest.map(|o| o.cn0_dbhz).or_else(acquired)
+        newest.map(|o| o.cn0_dbhz).or_else(acquired).filter(|cn0| cn0.is_finite())
     };
     let entry = |r: &Residual| {
         let (sv, azimuth, elevation) = (r.sv, r.azimuth, r.elevation);
@@ -85,7 +85,7 @@ impl Summary {
 }
 
 /// The `q` quantile by linear interpolation between order statistics, none of an empty list.
-fn quantile(mut values: Vec<f64>, q: f64) -> Option<f64> {
+pub(super) fn quantile(mut values: Vec<f64>, q: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let at = q * values.len().checked_sub(1)? as f64;
     let (low, high) = (at.floor() as usize, at.ceil() as usize);

@@ -1,6 +1,6 @@
 //! Tables for the terminal.
 
-use super::{Run, SkyEntry, Summary};
+use super::{Accuracy, Run, SkyEntry, Summary};
 use crate::acquisition::Acquisition;
 use crate::gnss::coordinates::Geodetic;
 use std::f64::consts::FRAC_PI_2;
@@ -54,7 +54,7 @@ pub fn noise_line(run: &Run) -> String {
 
 /// What the fixes come to: first fix, median position, spread, velocity, DOP; or why there is none.
 pub fn fix_table(run: &Run) -> String {
-    let (Some(s), Some(last)) = (Summary::new(run.fixes, run.stream.rate_hz), run.fixes.last())
+    let (Some(s), Some(last)) = (Summary::new(run.fixes, run.input.rate_hz()), run.fixes.last())
     else {
         return format!("no fix: {}\n", run.reason.unwrap_or("no reason is known"));
     };
@@ -96,6 +96,16 @@ pub fn fix_table(run: &Run) -> String {
             s.horizontal_50_m, s.horizontal_95_m, s.vertical_50_m, s.vertical_95_m
         ),
     );
+    if let Some(a) = run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)) {
+        let [east, north, up] = a.mean_enu_m;
+        line(
+            "error",
+            format!(
+                "{:.2} m (50 %) {:.2} m (95 %) against {}; mean east {east:+.2} north {north:+.2} up {up:+.2} m",
+                a.error_50_m, a.error_95_m, a.reference
+            ),
+        );
+    }
     if let Some(v) = last.velocity_mps {
         let enu = Geodetic::from_ecef(&last.position_m).ecef_to_enu() * v;
         line(

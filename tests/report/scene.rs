@@ -10,7 +10,7 @@ use sdr_rx::gnss::orbit::Propagation;
 use sdr_rx::gnss::{GpsTime, NavigationData, Sv, rinex_nav};
 use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::positioning::{Fix, FixMethod, Residual};
-use sdr_rx::report::Run;
+use sdr_rx::report::{Input, Run};
 use std::path::Path;
 
 /// Where the receiver stands, m, ECEF.
@@ -63,7 +63,7 @@ impl Scene {
             sky: None,
             noise: None,
             capture: "scene & co.bin",
-            stream: &self.stream,
+            input: Input::Samples(&self.stream),
             acquisitions: &self.acquisitions,
             epochs: &self.epochs,
             fixes: &self.fixes,
@@ -71,6 +71,7 @@ impl Scene {
             warnings: &self.warnings,
             reason: None,
             first_fix_s: None,
+            reference: None,
             seed: Some(7),
             options: serde_json::json!({ "troposphere": "none" }),
         }

@@ -1,0 +1,387 @@
+//! `sdr-rx solve`: positions from RINEX observations.
+
+use super::corrections::Corrections;
+use super::output;
+use anyhow::{Context, ensure};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use sdr_rx::gnss::coordinates::Geodetic;
+use sdr_rx::gnss::{GpsTime, NavigationData, rinex_nav, sp3};
+use sdr_rx::observables::ObservationEpoch;
+use sdr_rx::observables::rinex_obs::{self, ObservationHeader};
+use sdr_rx::positioning::outcome::{Step, trace_csv};
+use sdr_rx::positioning::{
+    Exclusion, Fix, Height, Observable, PositioningError, Robust, SolveOptions, Solver,
+    solve_observed, solve_static,
+};
+use sdr_rx::report::{self, Input, OutputDir, Reference, Run};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Epochs that are read and then solved together, on all processors.
+const CHUNK: usize = 256;
+
+/// Positions from RINEX observations (versions 2 to 4; GPS and QZSS L1 C/A)
+///
+/// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. The observations that `process`
+/// writes are such files:
+///
+/// Example: sdr-rx solve fix/observations.rnx fix/navigation.rnx --observable doppler
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Solve {
+    /// The observations
+    #[arg(value_name = "OBS.rnx")]
+    observations: PathBuf,
+    /// RINEX navigation files: ephemerides and ionosphere
+    #[arg(value_name = "NAV.rnx")]
+    navigation: Vec<PathBuf>,
+    /// Precise orbits and clocks, used before broadcast ones where they reach
+    #[arg(long, value_name = "FILE")]
+    sp3: Vec<PathBuf>,
+    /// What to solve from; Dopplers need a receiver at rest
+    #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
+    observable: ObservableArg,
+    /// Solver from the Earth's centre: gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, ...
+    #[arg(long, value_name = "NAME", default_value = "aw-dgn-bt", help_heading = "Position")]
+    solver: Solver,
+    /// The receiver rests: one position from all epochs
+    #[arg(long = "static", help_heading = "Position")]
+    at_rest: bool,
+    /// Weights of outliers
+    #[arg(long, value_name = "LAW", default_value = "none", help_heading = "Position")]
+    robust: RobustArg,
+    /// What to do when satellites contradict each other
+    #[arg(long, value_name = "HOW", default_value = "chi-square", help_heading = "Position")]
+    exclusion: ExclusionArg,
+    #[command(flatten)]
+    corrections: Corrections,
+    /// The height is known: metres above WGS 84, and their standard deviation, such as 560:10
+    #[arg(long, value_name = "M:SIGMA", value_parser = height, allow_hyphen_values = true, help_heading = "Position")]
+    height: Option<Height>,
+    /// True place, deg, deg, m above WGS 84, to compare with [default: APPROX POSITION of the file]
+    #[arg(long, value_name = "LAT,LON,H", value_parser = place, allow_hyphen_values = true, help_heading = "Output")]
+    reference: Option<Geodetic>,
+    /// Write result.json, RINEX, NMEA, GeoJSON and KML files into this folder
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// Write the result as one JSON object to a file, or - for standard output
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    json: Option<PathBuf>,
+    /// Add a page with plots, report.html, to --out
+    #[arg(long, requires = "out", help_heading = "Output")]
+    report: bool,
+    /// Write each step of the solver, of every epoch and set of satellites tried, as CSV
+    #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
+    trace: Option<PathBuf>,
+    /// Threads; the result is the same for any number [default: all processors]
+    #[arg(short = 'j', long, value_name = "N")]
+    threads: Option<usize>,
+}
+
+/// `--observable`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ObservableArg {
+    /// Pseudoranges; Dopplers then give the velocity.
+    Pseudorange,
+    /// Dopplers alone.
+    Doppler,
+    /// Both, weighted.
+    Both,
+}
+
+/// `--robust`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RobustArg {
+    /// Plain least squares.
+    None,
+    /// Huber.
+    Huber,
+    /// IGG-III.
+    Igg3,
+}
+
+/// `--exclusion`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ExclusionArg {
+    /// Leave out satellites until the residuals pass the test, or refuse the epoch.
+    ChiSquare,
+    /// Refuse the epoch.
+    Refuse,
+    /// Make no test.
+    Off,
+}
+
+fn height(text: &str) -> Result<Height, String> {
+    let numbers = text.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    match numbers {
+        Some((height_m, sigma_m)) if f64::is_finite(height_m) && sigma_m > 0.0 => {
+            Ok(Height { height_m, sigma_m })
+        }
+        _ => Err(format!("'{text}' is no height: write metres and deviation as 560:10")),
+    }
+}
+
+fn place(text: &str) -> Result<Geodetic, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[latitude, longitude, height])
+            if latitude.abs() <= 90.0 && longitude.abs() <= 360.0 && height.is_finite() =>
+        {
+            Ok(Geodetic::from_degrees(latitude, longitude, height))
+        }
+        _ => Err(format!("'{text}' is no place: write degrees and metres as 48.137,11.575,560")),
+    }
+}
+
+impl Solve {
+    fn options(&self) -> anyhow::Result<SolveOptions> {
+        Ok(SolveOptions {
+            positioning: self.corrections.options()?,
+            observable: match self.observable {
+                ObservableArg::Pseudorange => Observable::Pseudorange,
+                ObservableArg::Doppler => Observable::Doppler,
+                ObservableArg::Both => Observable::Both,
+            },
+            solver: self.solver,
+            robust: match self.robust {
+                RobustArg::None => Robust::None,
+                RobustArg::Huber => Robust::Huber,
+                RobustArg::Igg3 => Robust::Igg3,
+            },
+            exclusion: match self.exclusion {
+                ExclusionArg::ChiSquare => Exclusion::ChiSquare,
+                ExclusionArg::Refuse => Exclusion::Refuse,
+                ExclusionArg::Off => Exclusion::Off,
+            },
+            height: self.height,
+        })
+    }
+
+    fn navigation(&self) -> anyhow::Result<NavigationData> {
+        ensure!(
+            !(self.navigation.is_empty() && self.sp3.is_empty()),
+            "no orbits are given: name a RINEX navigation file after the observations, or --sp3 FILE"
+        );
+        let mut navigation = NavigationData::default();
+        for path in &self.navigation {
+            navigation.merge(rinex_nav::read(path)?);
+        }
+        for path in &self.sp3 {
+            navigation.merge(sp3::read(path)?.into_navigation_data());
+        }
+        Ok(navigation)
+    }
+}
+
+/// What came of the file.
+#[derive(Default)]
+struct Solved {
+    epochs: Vec<ObservationEpoch>,
+    fixes: Vec<Fix>,
+    /// Epochs without a position.
+    refused: Vec<(GpsTime, PositioningError)>,
+    trace: String,
+    warnings: Vec<String>,
+}
+
+impl Solved {
+    /// Keeps the steps of an epoch's solver under its time.
+    fn add_trace(&mut self, time: GpsTime, steps: &[Step]) {
+        let csv = trace_csv(steps);
+        let mut lines = csv.lines();
+        let head = lines.next().unwrap_or_default();
+        if self.trace.is_empty() {
+            self.trace = format!("gps_week,tow_s,{head}\n");
+        }
+        for line in lines {
+            self.trace += &format!("{},{:.3},{line}\n", time.week(), time.tow());
+        }
+    }
+}
+
+/// Solves, prints and writes. Exit code 1 when there is no fix.
+pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0))
+        .build_global()
+        .context("starting threads")?;
+    let options = args.options()?;
+    let navigation = args.navigation()?;
+    let (header, solved) = solve(args, &navigation, &options)?;
+    let reason = match solved.refused.first() {
+        _ if !solved.fixes.is_empty() => None,
+        Some((_, error)) => Some(error.to_string()),
+        None => Some("the file holds no epoch".to_owned()),
+    };
+    let mut warnings = solved.warnings;
+    if let (Some((time, error)), None) = (solved.refused.first(), &reason) {
+        let count = solved.refused.len();
+        warnings.push(format!(
+            "{count} of {} epochs have no position; the first, {}: {error}",
+            solved.epochs.len(),
+            time.utc_iso()
+        ));
+    }
+    let approximate = header.approximate_position_m.map(|marker| {
+        let [up, east, north] = header.antenna_uen_m.into();
+        let enu = Geodetic::from_ecef(&marker).ecef_to_enu();
+        (marker + enu.transpose() * Vector3::new(east, north, up), "APPROX POSITION of the file")
+    });
+    let given = args.reference.map(|place| (place.to_ecef(), "--reference"));
+    let reference =
+        given.or(approximate).map(|(position_m, source)| Reference { position_m, source });
+    let first = solved.epochs.first().map(|e| e.receive_time);
+    let name = args.observations.file_name().unwrap_or(args.observations.as_os_str());
+    let run = Run {
+        capture: &name.display().to_string(),
+        input: Input::Observations { version: header.version },
+        acquisitions: &[],
+        sky: None,
+        epochs: &solved.epochs,
+        fixes: &solved.fixes,
+        navigation: &navigation,
+        noise: None,
+        warnings: &warnings,
+        reason: reason.as_deref(),
+        first_fix_s: solved.fixes.first().zip(first).map(|(fix, first)| fix.time - first),
+        reference,
+        seed: None,
+        options: serde_json::json!({
+            "observable": options.observable,
+            "solver": options.solver.to_string(),
+            "static": args.at_rest,
+            "robust": options.robust,
+            "exclusion": options.exclusion,
+            "height": options.height,
+            "troposphere": options.positioning.troposphere,
+            "elevation_mask_deg": options.positioning.elevation_mask.to_degrees(),
+        }),
+    };
+    if let Some(path) = &args.trace {
+        report::write_atomically(path, solved.trace.as_bytes())?;
+    }
+    if let Some(folder) = &args.out {
+        report::write_all(&run, &OutputDir::create(folder)?, args.report)?;
+    }
+    let mut text = report::fix_table(&run);
+    if !solved.fixes.is_empty() {
+        text += "\n";
+        text += &report::sky_text(&report::sky(&run));
+    }
+    output::emit(&run, args.json.as_deref(), text)?;
+    Ok(if solved.fixes.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Reads the file and solves its epochs.
+fn solve(
+    args: &Solve,
+    navigation: &NavigationData,
+    options: &SolveOptions,
+) -> anyhow::Result<(ObservationHeader, Solved)> {
+    let mut reader = rinex_obs::open(&args.observations)?;
+    let bar = bar(&args.observations);
+    let mut solved = Solved::default();
+    loop {
+        let chunk: Vec<ObservationEpoch> = reader.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
+        if chunk.is_empty() {
+            break;
+        }
+        if !args.at_rest {
+            solve_chunk(&chunk, navigation, options, args.trace.is_some(), &mut solved);
+        }
+        solved.epochs.extend(chunk);
+        bar.set_position(reader.bytes());
+    }
+    bar.finish_and_clear();
+    if args.at_rest {
+        let mut steps: Vec<(usize, Step)> = Vec::new();
+        let keep = args.trace.is_some();
+        let mut trace = |epoch: usize, step: &Step| {
+            if keep {
+                steps.push((epoch, *step));
+            }
+        };
+        let time = |k: usize| solved.epochs[k].receive_time;
+        match solve_static(&solved.epochs, navigation, options, &mut trace) {
+            Ok((fix, refused)) => {
+                solved.refused = refused.into_iter().map(|(k, error)| (time(k), error)).collect();
+                solved.fixes = vec![fix];
+            }
+            Err(error) if solved.epochs.is_empty() => drop(error),
+            Err(error) => solved.refused = vec![(time(0), error)],
+        }
+        for steps in steps.chunk_by(|a, b| a.0 == b.0) {
+            let time = solved.epochs[steps[0].0].receive_time;
+            let steps: Vec<Step> = steps.iter().map(|s| s.1).collect();
+            solved.add_trace(time, &steps);
+        }
+    }
+    if reader.skipped() > 0 {
+        solved.warnings.push(format!(
+            "{} observations were skipped: satellites of other systems, or without L1 C/A code and Doppler",
+            reader.skipped()
+        ));
+    }
+    Ok((reader.header().clone(), solved))
+}
+
+/// Solves epochs by themselves, on all processors; the result does not depend on their number.
+fn solve_chunk(
+    chunk: &[ObservationEpoch],
+    navigation: &NavigationData,
+    options: &SolveOptions,
+    trace: bool,
+    solved: &mut Solved,
+) {
+    let results: Vec<_> = chunk
+        .par_iter()
+        .map(|epoch| {
+            let mut steps = Vec::new();
+            let mut keep = |step: &Step| {
+                if trace {
+                    steps.push(*step);
+                }
+            };
+            let result = solve_observed(epoch, navigation, options, &mut keep);
+            (result, steps)
+        })
+        .collect();
+    for (epoch, (result, steps)) in chunk.iter().zip(results) {
+        solved.add_trace(epoch.receive_time, &steps);
+        match result {
+            Ok(fix) => solved.fixes.push(fix),
+            Err(error) => solved.refused.push((epoch.receive_time, error)),
+        }
+    }
+}
+
+/// A progress bar on a terminal, nothing elsewhere.
+fn bar(path: &Path) -> ProgressBar {
+    let bytes = std::fs::metadata(path).map(|m| m.len()).ok();
+    let bar = ProgressBar::with_draw_target(bytes, ProgressDrawTarget::stderr_with_hz(5));
+    match ProgressStyle::with_template("{elapsed_precise} [{bar:40}] {percent} % {eta}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_and_heights_are_read() {
+        let munich = place("48.5, 11.5,560").unwrap();
+        assert_eq!((munich.latitude.to_degrees(), munich.height), (48.5, 560.0));
+        assert_eq!(height("-20:0.5"), Ok(Height { height_m: -20.0, sigma_m: 0.5 }));
+        for wrong in ["", "48,11", "91,0,0", "a,b,c", "1,2,nan"] {
+            assert!(place(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["", "560", "560:0", "560:-1", "a:b", "nan:1"] {
+            assert!(height(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Errors of fixes against a place that is known.
+
+use super::summary::quantile;
+use crate::gnss::coordinates::Geodetic;
+use crate::positioning::Fix;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// A place that fixes are compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference<'a> {
+    /// The place, m, ECEF.
+    pub position_m: Vector3<f64>,
+    /// Who says so.
+    pub source: &'a str,
+}
+
+/// How far fixes are from a place, m.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Accuracy {
+    /// Who says where the place is.
+    pub reference: String,
+    /// The place, m, ECEF.
+    pub reference_ecef_m: [f64; 3],
+    /// Half of the fixes are within this distance.
+    pub error_50_m: f64,
+    /// 95 of 100 fixes are.
+    pub error_95_m: f64,
+    /// The largest distance.
+    pub error_max_m: f64,
+    /// Half of the fixes are horizontally within this distance.
+    pub horizontal_50_m: f64,
+    /// Half of the heights are within this.
+    pub vertical_50_m: f64,
+    /// Mean error: east, north, up.
+    pub mean_enu_m: [f64; 3],
+}
+
+impl Accuracy {
+    /// Of the fixes; nothing if there is none.
+    pub fn new(fixes: &[Fix], reference: &Reference) -> Option<Self> {
+        let place = reference.position_m;
+        let enu = Geodetic::from_ecef(&place).ecef_to_enu();
+        let errors: Vec<Vector3<f64>> =
+            fixes.iter().map(|f| enu * (f.position_m - place)).collect();
+        let of = |part: fn(&Vector3<f64>) -> f64, q| quantile(errors.iter().map(part).collect(), q);
+        let mean: Vector3<f64> = errors.iter().sum::<Vector3<f64>>() / errors.len().max(1) as f64;
+        Some(Self {
+            reference: reference.source.to_owned(),
+            reference_ecef_m: place.into(),
+            error_50_m: of(|e| e.norm(), 0.5)?,
+            error_95_m: of(|e| e.norm(), 0.95)?,
+            error_max_m: of(|e| e.norm(), 1.0)?,
+            horizontal_50_m: of(|e| e.xy().norm(), 0.5)?,
+            vertical_50_m: of(|e| e.z.abs(), 0.5)?,
+            mean_enu_m: mean.into(),
+        })
+    }
+}
