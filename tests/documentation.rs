@@ -105,10 +105,11 @@ fn each_example_program_runs() -> Tested {
 #[test]
 fn the_main_command_of_the_readme_finds_the_place() -> Tested {
     let folder = workplace()?;
-    let output = run("process signals/static_8sv.toml --json -", folder.path())?;
+    let output = run("process signals/static_8sv.toml --out fix --json -", folder.path())?;
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let result: serde_json::Value = serde_json::from_slice(&output.stdout)?;
     assert_eq!(result["seed"], 1);
+    the_example_of_solve_gives_the_same_fixes(folder.path(), &result)?;
     let fixes = result["fixes"].as_array().ok_or("no fixes")?;
     assert!(fixes.len() >= 10, "{} fixes", fixes.len());
     let place =
@@ -125,5 +126,29 @@ fn the_main_command_of_the_readme_finds_the_place() -> Tested {
     // and 3.4 deviations: 4.2 m. (The scenario has the troposphere that the receiver takes out.)
     let median = errors[errors.len() / 2];
     assert!(median < 4.2, "{median} m");
+    Ok(())
+}
+
+/// The files that `process` left in `folder/fix` go into `solve` as its help says: as many fixes as those of
+/// `process`, and the same places but for the rounding of ranges to 1 mm and of the assumed noise.
+fn the_example_of_solve_gives_the_same_fixes(folder: &Path, result: &serde_json::Value) -> Tested {
+    let help = String::from_utf8(run("solve --help", folder)?.stdout)?;
+    let example = help.lines().find_map(|l| l.trim().strip_prefix("Example: sdr-rx "));
+    let example = example.ok_or("solve --help shows no example")?;
+    let output = run(&format!("{example} --json -"), folder)?;
+    assert!(output.status.success(), "{example}: {}", String::from_utf8_lossy(&output.stderr));
+    let solved: serde_json::Value = serde_json::from_slice(&output.stdout)?;
+    let count = |r: &serde_json::Value| r["fixes"].as_array().map_or(0, Vec::len);
+    assert_eq!(count(&solved), count(result));
+    for (ours, theirs) in solved["fixes"].as_array().into_iter().flatten().zip(0..) {
+        for axis in 0..3 {
+            let ecef = |fix: &serde_json::Value| fix["ecef_m"][axis].as_f64().unwrap_or(f64::NAN);
+            // Weights that differ by C/N0 move a solution by a part of its error of metres.
+            let apart_m = (ecef(ours) - ecef(&result["fixes"][theirs])).abs();
+            assert!(apart_m < 2.0, "{apart_m} m");
+        }
+    }
+    let accuracy = &solved["accuracy"];
+    assert!(accuracy["error_50_m"].as_f64().is_some_and(|m| m < 5.0), "{accuracy}");
     Ok(())
 }

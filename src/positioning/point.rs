@@ -99,7 +99,8 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
     let (rejected, used): (Vec<_>, Vec<_>) = (0..point.used.len()).partition(weightless);
     excluded.extend(rejected.iter().map(|&k| point.used[k].observation.sv));
     excluded.sort();
-    let mut covariance: Matrix4<f64> = point.covariance.fixed_view::<4, 4>(0, 0).into_owned();
+    let covariance: Matrix4<f64> = point.covariance.fixed_view::<4, 4>(0, 0).into_owned();
+    let mut covariance = point.geometry.local(&covariance);
     let mut clock_bias_s = point.state[BIAS] / SPEED_OF_LIGHT;
     if options.observable == Observable::Doppler {
         clock_bias_s = f64::NAN;
@@ -113,7 +114,7 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
         velocity_mps: motion.map(|m| m.velocity_mps),
         clock_bias_s,
         clock_drift_sps: moving.map(|(_, drift)| drift / SPEED_OF_LIGHT),
-        covariance: point.geometry.local(&covariance),
+        covariance,
         pdop: point.geometry.pdop,
         hdop: point.geometry.hdop,
         vdop: point.geometry.vdop,

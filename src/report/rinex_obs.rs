@@ -144,3 +144,98 @@ fn line(o: &Observation) -> String {
     text.push('\n');
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Input;
+    use super::*;
+    use crate::gnss::{NavigationData, Sv};
+    use crate::observables::rinex_obs::ObservationReader;
+    use crate::observables::{ObservationEpoch, typical_noise};
+    use proptest::collection::{btree_map, vec};
+    use proptest::prelude::*;
+
+    /// Observations as a file can hold them: 1e-3 of each unit, Dopplers other than zero.
+    fn observation() -> impl Strategy<Value = Observation> {
+        let range = proptest::option::of(18_000_000_000i64..42_000_000_000);
+        let phase = proptest::option::of(1i64..999_999_999_999);
+        (range, phase, 1i64..9_999_999, any::<bool>(), any::<bool>(), 10_000i64..60_000).prop_map(
+            |(range, phase, doppler, sign, lost, cn0)| {
+                let milli = |v: i64| v as f64 / 1e3;
+                let cn0_dbhz = milli(cn0);
+                let (range_sigma_m, doppler_sigma_hz) = typical_noise(Some(cn0_dbhz));
+                Observation {
+                    sv: Sv::all_gps().next().unwrap(),
+                    range: CodeRange::Pseudorange(range.map_or(f64::NAN, milli)),
+                    range_sigma_m,
+                    doppler_hz: if sign { milli(doppler) } else { -milli(doppler) },
+                    doppler_sigma_hz,
+                    carrier_phase_cycles: phase.map(milli),
+                    lost_lock: lost && phase.is_some(),
+                    cn0_dbhz,
+                }
+            },
+        )
+    }
+
+    fn epochs() -> impl Strategy<Value = Vec<ObservationEpoch>> {
+        let sv = (1u8..=39).prop_map(|n| Sv::from_prn(if n > 32 { n + 160 } else { n }).unwrap());
+        let epoch = (1i64..9_999_999, btree_map(sv, observation(), 1..20));
+        vec(epoch, 1..6).prop_map(|list| {
+            let start = GpsTime::from_calendar(2023, 12, 31, 23, 59, 30.0);
+            let mut time = start;
+            list.into_iter()
+                .map(|(wait, satellites)| {
+                    // Printed to 1e-7 s.
+                    time = time + wait as f64 * 1e-7;
+                    let observations =
+                        satellites.into_iter().map(|(sv, o)| Observation { sv, ..o });
+                    let observations = observations.collect();
+                    ObservationEpoch { receive_time: time, sample: time - start, observations }
+                })
+                .collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back(epochs in epochs()) {
+            let run = Run {
+                capture: "x",
+                input: Input::Observations { version: 3.04 },
+                acquisitions: &[],
+                sky: None,
+                epochs: &epochs,
+                fixes: &[],
+                navigation: &NavigationData::default(),
+                noise: None,
+                warnings: &[],
+                reason: None,
+                first_fix_s: None,
+                reference: None,
+                seed: None,
+                options: serde_json::Value::Null,
+            };
+            let text = rinex_observations(&run);
+            let reader = ObservationReader::new(text.as_bytes(), "x").unwrap();
+            let read: Vec<ObservationEpoch> = reader.collect::<Result<_, _>>().unwrap();
+            prop_assert_eq!(read.len(), epochs.len());
+            for (a, b) in epochs.iter().zip(&read) {
+                // Half of the last digit of the time, and the rounding of decimal fractions.
+                prop_assert!((a.receive_time - b.receive_time).abs() < 0.51e-7);
+                prop_assert_eq!(a.observations.len(), b.observations.len());
+                for (a, b) in a.observations.iter().zip(&b.observations) {
+                    let number = |o: &Observation| match o.range {
+                        CodeRange::Pseudorange(metres) => Some(metres).filter(|m| m.is_finite()),
+                        CodeRange::ModuloCodePeriod(_) => None,
+                    };
+                    prop_assert_eq!((a.sv, number(a)), (b.sv, number(b)));
+                    prop_assert_eq!((a.doppler_hz, a.cn0_dbhz), (b.doppler_hz, b.cn0_dbhz));
+                    prop_assert_eq!(a.carrier_phase_cycles, b.carrier_phase_cycles);
+                    prop_assert_eq!(a.lost_lock, b.lost_lock);
+                    prop_assert_eq!(a.range_sigma_m, b.range_sigma_m);
+                }
+            }
+        }
+    }
+}

@@ -69,6 +69,7 @@ impl Station {
             let range = error(Observable::Pseudorange)?;
             let doppler = error(Observable::Doppler)?;
             let both = error(Observable::Both)?;
+            // Dopplers weigh at most (1 m / 500 m)^2 of the pseudoranges, which is mm of their error.
             if range > range_bound_m || doppler > doppler_bound_m || both > range + 0.01 {
                 return Err(
                     format!("{solver}: {range} m, Doppler {doppler} m, both {both} m").into()
