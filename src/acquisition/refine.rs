@@ -19,7 +19,7 @@ const TAP_CHIPS: [f64; 2] = [0.5, 0.25];
 /// What a snapshot says of a satellite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
-    /// Doppler (mean over the snapshot), code phase (at its first sample) and C/N0, refined.
+    /// Doppler (in the middle of the snapshot), code phase (at its first sample) and C/N0, refined.
     pub acquisition: Acquisition,
     /// Rate of the Doppler, Hz/s; 0 where none was looked for.
     pub doppler_rate_hz_s: f64,
@@ -170,9 +170,13 @@ impl<'a> Refiner<'a> {
         let code_rate_excess =
             -(lateness(half..prompts.len()) - lateness(0..half)) / (duration / 2.0);
 
-        let doppler_hz = now.doppler_hz + carrier.frequency_hz;
-        let code_phase = (now.code_phase_chips - late_chips).rem_euclid(CA_CODE_LENGTH as f64);
+        // The prompts do not fill the window: their middle is up to half a code period off its own.
         let middle_s = (first - self.start as f64) / self.rate_hz + duration / 2.0;
+        let window_middle_s = 0.5 * (self.end - self.start) as f64 / self.rate_hz;
+        let doppler_hz = now.doppler_hz
+            + carrier.frequency_hz
+            + carrier.rate_hz_s * (window_middle_s - middle_s);
+        let code_phase = (now.code_phase_chips - late_chips).rem_euclid(CA_CODE_LENGTH as f64);
         Some(Refined {
             acquisition: Acquisition {
                 doppler_hz,
@@ -181,7 +185,7 @@ impl<'a> Refiner<'a> {
                 ..*now
             },
             doppler_rate_hz_s: carrier.rate_hz_s,
-            doppler_at_s: middle_s,
+            doppler_at_s: window_middle_s,
             doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * CA_CODE_PERIOD),
             code_sigma_chips,
             code_rate_excess,

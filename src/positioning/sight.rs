@@ -32,6 +32,8 @@ pub(super) struct Sight {
     pub range_sigma_m: f64,
     /// Rate of the geometric range for a receiver at rest, m/s (see [`Sight::range_rate`]).
     static_rate_mps: f64,
+    /// Rate of what the atmosphere adds to the carrier's range, m/s.
+    atmosphere_rate_mps: f64,
     /// 1 + u.v_s/c with the satellite's inertial velocity: reception dilates transmission.
     dilation: f64,
     /// Satellite clock rate, s/s.
@@ -82,6 +84,15 @@ impl Sight {
         let gravity = -MU_EARTH / satellite.position_m.norm().powi(3) * satellite.position_m;
         let acceleration = gravity - omega.cross(&(velocity + inertial_mps));
         let static_rate_mps = direction.dot(&velocity);
+        // The troposphere delays the carrier as it does the code, the ionosphere advances it.
+        let carrier_delay = |dt: f64| {
+            let later = satellite.position_m + dt * velocity;
+            let (azimuth, elevation) = azimuth_elevation(receiver_m, &later);
+            let ionosphere =
+                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, t + dt));
+            options.troposphere.delay_m(place, elevation) - ionosphere
+        };
+        let atmosphere_rate_mps = carrier_delay(0.5) - carrier_delay(-0.5);
         Self {
             direction,
             azimuth,
@@ -91,6 +102,7 @@ impl Sight {
                 + troposphere_m,
             range_sigma_m,
             static_rate_mps,
+            atmosphere_rate_mps,
             dilation: 1.0 + direction.dot(&inertial_mps) / SPEED_OF_LIGHT,
             clock_drift_sps: satellite.clock_drift_sps,
             rate_gradient: (direction * static_rate_mps - velocity) / path.range_m,
@@ -105,9 +117,11 @@ impl Sight {
     /// `d rho/dt = u.(v_s - v_r) / (1 + u.v_s/c)`: the velocities are Earth-fixed in the numerator,
     /// as the Earth's rotation is perpendicular to the line of sight between two points that turn
     /// with it, and inertial in the denominator. `drift_mps` is c times the rate of the receiver's
-    /// clock; satellite clock rate and both clocks' own scales count for some mm/s each.
+    /// clock; satellite clock rate and both clocks' own scales count for some mm/s each, and so does the
+    /// atmosphere at the horizon (for low orbits a metre per second).
     pub fn range_rate(&self, velocity_mps: &Vector3<f64>, drift_mps: f64) -> f64 {
-        let rate = (self.static_rate_mps - self.direction.dot(velocity_mps)) / self.dilation;
+        let rate = (self.static_rate_mps - self.direction.dot(velocity_mps)) / self.dilation
+            + self.atmosphere_rate_mps;
         let satellite_clock = self.clock_drift_sps * (SPEED_OF_LIGHT - rate);
         (rate + drift_mps - satellite_clock) / (1.0 + drift_mps / SPEED_OF_LIGHT)
     }

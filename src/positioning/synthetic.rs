@@ -74,10 +74,21 @@ impl Truth {
         let observations = nav.satellites().filter_map(in_force).filter_map(|ephemeris| {
             let satellite = Propagation::solve(ephemeris, &self.position_m, self.time).satellite;
             let (azimuth, elevation) = azimuth_elevation(&self.position_m, &satellite.position_m);
-            let ionosphere =
-                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, self.time));
-            let delay_m = ionosphere + options.troposphere.delay_m(place, elevation);
-            let change = self.pseudorange(ephemeris, 0.5) - self.pseudorange(ephemeris, -0.5);
+            let ionosphere = |azimuth, elevation, t| {
+                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, t))
+            };
+            let troposphere = |elevation| options.troposphere.delay_m(place, elevation);
+            let delay_m = ionosphere(azimuth, elevation, self.time) + troposphere(elevation);
+            // The ionosphere advances the carrier.
+            let carrier = |dt: f64| {
+                let t = self.time + dt;
+                let satellite = Propagation::solve(ephemeris, &self.position_m, t).satellite;
+                let (azimuth, elevation) =
+                    azimuth_elevation(&self.position_m, &satellite.position_m);
+                self.pseudorange(ephemeris, dt) + troposphere(elevation)
+                    - ionosphere(azimuth, elevation, t)
+            };
+            let change = carrier(0.5) - carrier(-0.5);
             let observation = Observation {
                 sv: ephemeris.sv,
                 range: CodeRange::Pseudorange(self.pseudorange(ephemeris, 0.0) + delay_m),

@@ -77,7 +77,7 @@ pub struct Epoch {
     pub start_sample: f64,
     /// Carrier cycles of the replica since the start of the track, at the start of the period.
     pub carrier_cycles: f64,
-    /// Doppler, Hz.
+    /// Doppler at the start of the period, Hz.
     pub doppler_hz: f64,
     /// Prompt correlation over the period.
     pub prompt: Complex64,
@@ -161,9 +161,10 @@ impl Channel {
         self.lock.cn0_dbhz()
     }
 
-    /// Doppler of the loop filter, Hz.
+    /// Doppler now, Hz: the loop filter's is that of the middle of the interval under way.
     pub fn doppler_hz(&self) -> f64 {
-        self.filter.doppler_hz()
+        let from_middle = self.interval.periods as f64 - 0.5 * self.interval_periods() as f64;
+        self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * CA_CODE_PERIOD
     }
 
     /// How good the measurements are now.
@@ -223,7 +224,7 @@ impl Channel {
                 period: self.period,
                 start_sample: self.code_start,
                 carrier_cycles: self.carrier_cycles,
-                doppler_hz: self.filter.doppler_hz(),
+                doppler_hz: self.doppler_hz(),
                 prompt: sums[1],
             });
             self.code_start = end;
@@ -318,7 +319,13 @@ mod tests {
             statistic: 0.0,
             false_alarm: 0.0,
         };
-        let start = TrackStart { sample: 0, acquisition, doppler_rate_hz_s: 0.0, carrier_phase: 0.2, bit_edge: edge };
+        let start = TrackStart {
+            sample: 0,
+            acquisition,
+            doppler_rate_hz_s: 0.0,
+            carrier_phase: 0.2,
+            bit_edge: edge,
+        };
         let mut channel = Channel::new(&start, RATE, options);
         let (mut epochs, mut bits) = (Vec::new(), Vec::new());
         channel.process(&buffer, &mut epochs, &mut bits);

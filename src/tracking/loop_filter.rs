@@ -6,12 +6,17 @@
 pub struct CarrierFilter {
     acceleration: f64,
     velocity: f64,
+    /// The acceleration, smoothed over [`RATE_TIME_S`].
+    rate: f64,
 }
+
+/// Time over which the Doppler's rate is smoothed, s: it changes by 4 Hz/s in a second at most (550 km).
+const RATE_TIME_S: f64 = 1.0;
 
 impl CarrierFilter {
     /// Starts at a Doppler, Hz, and its rate, Hz/s.
     pub fn new(doppler_hz: f64, rate_hz_s: f64) -> Self {
-        Self { acceleration: rate_hz_s, velocity: doppler_hz }
+        Self { acceleration: rate_hz_s, velocity: doppler_hz, rate: rate_hz_s }
     }
 
     /// Takes the phase error (cycles) and, while pulling in, the frequency error (Hz) over the last
@@ -29,12 +34,19 @@ impl CarrierFilter {
         self.acceleration += (w * w * w * phase + wf * wf * frequency) * interval_s;
         self.velocity +=
             (self.acceleration + 1.1 * w * w * phase + 1.414 * wf * frequency) * interval_s;
+        self.rate += (self.acceleration - self.rate) * interval_s / RATE_TIME_S;
         self.velocity + 2.4 * w * phase
     }
 
-    /// The filter's own Doppler, Hz, free of the phase error's jitter.
+    /// The filter's own Doppler, Hz, free of the phase error's jitter: that of the middle of the next
+    /// interval, for which the replica's frequency is set.
     pub fn doppler_hz(&self) -> f64 {
         self.velocity
+    }
+
+    /// Rate of the Doppler, Hz/s.
+    pub fn rate_hz_s(&self) -> f64 {
+        self.rate
     }
 
     /// Moves the Doppler by `step_hz`: out of a false lock.
@@ -68,6 +80,8 @@ mod tests {
             nco = filter.update(error, 12.0, 0.0, 0.0, interval);
         }
         assert!(error.abs() < 1e-6, "{error}");
-        assert!((filter.doppler_hz() - doppler).abs() < 0.05);
+        // What is left after 20 s of a transient with time constants of 0.1 and 1 s.
+        assert!((filter.doppler_hz() - 5.0 * interval / 2.0 - doppler).abs() < 1e-6);
+        assert!((filter.rate_hz_s() - 5.0).abs() < 1e-6);
     }
 }
