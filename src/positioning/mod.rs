@@ -20,6 +20,7 @@ mod solution;
 mod statistics;
 #[cfg(test)]
 mod synthetic;
+mod time_window;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};
