@@ -44,8 +44,8 @@ pub struct Solve {
     /// What to solve from; Dopplers need a receiver at rest
     #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
     observable: ObservableArg,
-    /// Solver from the Earth's centre: gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, ...
-    #[arg(long, value_name = "NAME", default_value = "aw-dgn-bt", help_heading = "Position")]
+    /// Solver from the Earth's centre: best, aw-dgn-bt, vp, gn, ...; any other word lists all
+    #[arg(long, value_name = "NAME", default_value = "best", help_heading = "Position")]
     solver: Solver,
     /// The receiver rests: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
