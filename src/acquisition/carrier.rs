@@ -58,7 +58,7 @@ pub fn estimate_carrier(prompts: &[Complex64], span: CarrierSpan) -> Option<Carr
 
     if !short {
         let bits = bit_sums(&run, frequency, edge);
-        let squared = |f: f64, r: f64| squared_sum(&bits, edge, f, r).norm();
+        let squared = |f: f64, r: f64| squared_sum(&bits, edge, count, f, r).norm();
         let fine = 1e3 / (16.0 * count as f64);
         // A quarter of a turn of the squares between the middle and the ends.
         let fine_rate = 0.25 / (half_s * half_s);
@@ -71,7 +71,7 @@ pub fn estimate_carrier(prompts: &[Complex64], span: CarrierSpan) -> Option<Carr
             })
             .max_by(|a, b| squared(a.0, a.1).total_cmp(&squared(b.0, b.1)))
             .unwrap_or((0.0, 0.0));
-        // Frequency and rate in the middle of the run do not depend on each other.
+        // Frequency and rate in the middle of the run hardly depend on each other.
         let r = if steps > 0 { climb(r, fine_rate, |r| squared(f, r)) } else { r };
         frequency += climb(f, fine, |f| squared(f, r));
         rate += r;
@@ -83,7 +83,7 @@ pub fn estimate_carrier(prompts: &[Complex64], span: CarrierSpan) -> Option<Carr
         let (signs, sum) = best_signs(&bits);
         (signs, sum.arg())
     } else {
-        let phase = squared_sum(&bits, edge, 0.0, 0.0).arg() / 2.0;
+        let phase = squared_sum(&bits, edge, count, 0.0, 0.0).arg() / 2.0;
         let axis = Complex64::cis(-phase);
         (bits.iter().map(|b| (b * axis).re.signum()).collect(), phase)
     };
@@ -190,18 +190,28 @@ fn best_signs(bits: &[Complex64]) -> (Vec<f64>, Complex64) {
     best
 }
 
-/// Sum of the squares of the bits after a further frequency and rate are removed.
-fn squared_sum(bits: &[Complex64], edge: usize, frequency_hz: f64, rate_hz_s: f64) -> Complex64 {
-    let origin = if edge == 0 { 0.0 } else { edge as f64 - PERIODS_PER_BIT as f64 };
-    let middle = bits.len() as f64 * PERIODS_PER_BIT as f64 / 2.0 + origin;
-    bits.iter()
-        .enumerate()
-        .map(|(j, b)| {
-            let ms = origin + (j as f64 + 0.5) * PERIODS_PER_BIT as f64 - middle;
-            let t = ms * CA_CODE_PERIOD;
-            b * b * Complex64::cis(-2.0 * TAU * (frequency_hz + 0.5 * rate_hz_s * t) * t)
-        })
-        .sum()
+/// Middle of bit `j` within a run of `count` prompts, from the run's middle, s.
+fn bit_middle_s(j: usize, edge: usize, count: usize) -> f64 {
+    let begin =
+        (j * PERIODS_PER_BIT + edge).saturating_sub(if edge == 0 { 0 } else { PERIODS_PER_BIT });
+    let end = if edge == 0 { (j + 1) * PERIODS_PER_BIT } else { j * PERIODS_PER_BIT + edge };
+    0.5 * (begin as f64 + end.min(count) as f64 - count as f64) * CA_CODE_PERIOD
+}
+
+/// Sum of the squares of the bits of a run of `count` prompts after a further frequency in its middle and a
+/// further rate are removed.
+fn squared_sum(
+    bits: &[Complex64],
+    edge: usize,
+    count: usize,
+    frequency_hz: f64,
+    rate_hz_s: f64,
+) -> Complex64 {
+    let turned = |(j, b): (usize, &Complex64)| {
+        let t = bit_middle_s(j, edge, count);
+        b * b * Complex64::cis(-2.0 * TAU * (frequency_hz + 0.5 * rate_hz_s * t) * t)
+    };
+    bits.iter().enumerate().map(turned).sum()
 }
 
 /// Noise power of one prompt after the signal is subtracted.

@@ -16,17 +16,17 @@
 use super::coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
 use super::code_phases::Prediction;
 use super::doppler_time::{DopplerState, Minimum, minima};
-use super::error::{DropReason, Dropped, PositioningError};
+use super::error::PositioningError;
 use super::sight::Sighting;
 use super::snapshot::{Found, NEEDED, finish, limit};
+use super::time_window::TimeWindow;
 use super::{Fix, SnapshotOptions, TimeSearch};
 use crate::gnss::constants::OMEGA_EARTH;
 use crate::gnss::{GpsTime, NavigationData, Sv};
-use crate::observables::{CodeRange, ObservationEpoch};
+use crate::observables::ObservationEpoch;
 use nalgebra::Vector3;
 
-/// Half a cell of time, s, and how far beyond its edges its minima may lie.
-const HALF_CELL_S: f64 = 1800.0;
+/// How far beyond the edges of a cell its minima may lie, s.
 const MARGIN_S: f64 = 300.0;
 /// Deviation of the time within a hypothesis, s: no knowledge, but the least squares stay regular.
 const FREE_TIME_S: f64 = 3600.0;
@@ -96,121 +96,52 @@ pub(super) fn solve_blind(
     nav: &NavigationData,
     options: &SnapshotOptions,
 ) -> Result<Fix, PositioningError> {
-    let window = Window::new(epoch, nav, options)?;
+    let blind = Blind::new(epoch, nav, options)?;
     let all: Vec<Sv> = epoch.observations.iter().map(|o| o.sv).collect();
     let (mut false_ones, mut error) = (0.0, None);
     for excluded in std::iter::once(None).chain(all.iter().copied().map(Some)) {
-        if excluded.is_some() && window.most_satellites < NEEDED_AFTER_EXCLUSION + 1 {
+        if excluded.is_some() && blind.window.most_satellites < NEEDED_AFTER_EXCLUSION + 1 {
             break;
         }
-        let search = window.search(excluded);
-        match window.judge(&search, &mut false_ones) {
-            Ok(best) => return window.fix(epoch, &search, best, excluded, false_ones),
+        let search = blind.search(excluded);
+        match blind.judge(&search, &mut false_ones) {
+            Ok(best) => return blind.fix(epoch, &search, best, excluded, false_ones),
             Err(cause @ PositioningError::TimeNotFound { .. }) => {
                 error.get_or_insert(cause);
             }
             Err(cause) => return Err(cause),
         }
     }
-    Err(error.unwrap_or(window.unexplained("Dopplers", 0)))
+    Err(error.unwrap_or(blind.unexplained("Dopplers", 0)))
 }
 
-/// The times that are searched.
-struct Window<'a> {
-    epoch: &'a ObservationEpoch,
+/// The search: where, and with what.
+struct Blind<'a> {
+    window: TimeWindow<'a>,
     nav: &'a NavigationData,
     options: SnapshotOptions,
-    /// What the user allows, and what of it ephemerides cover.
-    asked: (GpsTime, GpsTime),
-    from: GpsTime,
-    to: GpsTime,
-    /// Centres of the cells with enough ephemerides, and half their length.
-    cells: Vec<GpsTime>,
-    half_s: f64,
-    /// Time of the window in which too few ephemerides are in force, s; infinite if the window is.
-    left_out_s: f64,
-    most_satellites: usize,
 }
 
-impl<'a> Window<'a> {
+impl<'a> Blind<'a> {
     fn new(
         epoch: &'a ObservationEpoch,
         nav: &'a NavigationData,
         options: &SnapshotOptions,
     ) -> Result<Self, PositioningError> {
-        let asked_s = options.time_uncertainty_s;
-        let covered = |e: &crate::gnss::Ephemeris| {
-            (e.toe - e.half_fit_interval(), e.toe + e.half_fit_interval())
-        };
-        let of_these = || nav.iter().filter(|e| epoch.observations.iter().any(|o| o.sv == e.sv));
-        // A GPS time holds no infinity: thirty years are no knowledge.
-        let half_s = asked_s.min(1e9);
-        let (mut from, mut to) = (epoch.receive_time - half_s, epoch.receive_time + half_s);
-        let asked = (from, to);
-        if let Some(e) = of_these().map(covered).reduce(|a, b| (min(a.0, b.0), max(a.1, b.1))) {
-            (from, to) = (max(from, e.0), min(to, e.1));
-        }
-        let mut window = Self {
-            epoch,
-            nav,
-            options: SnapshotOptions { time_uncertainty_s: FREE_TIME_S, ..*options },
-            asked,
-            from,
-            to,
-            cells: Vec::new(),
-            half_s: 0.0,
-            left_out_s: 0.0,
-            most_satellites: 0,
-        };
-        let count = ((to - from) / (2.0 * HALF_CELL_S)).ceil().max(1.0);
-        window.half_s = (to - from) / count / 2.0;
-        for k in 0..count as usize {
-            let centre = from + (2 * k + 1) as f64 * window.half_s;
-            let usable = window.sightings(centre, None).0.len();
-            window.most_satellites = window.most_satellites.max(usable);
-            if usable >= NEEDED {
-                window.cells.push(centre);
-            }
-        }
-        window.left_out_s = 2.0 * asked_s - window.searched_s();
-        if window.cells.is_empty() {
-            let (_, dropped) = window.sightings(epoch.receive_time, None);
-            let usable = window.most_satellites;
-            return Err(PositioningError::TooFewSatellites { usable, needed: NEEDED, dropped });
-        }
-        Ok(window)
-    }
-
-    fn searched_s(&self) -> f64 {
-        2.0 * self.half_s * self.cells.len() as f64
-    }
-
-    /// The satellites with an ephemeris in force at `time`, and the others.
-    fn sightings(&self, time: GpsTime, excluded: Option<Sv>) -> (Vec<Sighting<'a>>, Vec<Dropped>) {
-        let mut usable: Vec<Sighting> = Vec::new();
-        let mut dropped = Vec::new();
-        for observation in self.epoch.observations.iter().filter(|o| Some(o.sv) != excluded) {
-            let sv = observation.sv;
-            let sighting = match observation.range {
-                _ if usable.iter().any(|s| s.observation.sv == sv) => Err(DropReason::Duplicate),
-                CodeRange::Pseudorange(_) => Err(DropReason::WrongKindOfRange),
-                CodeRange::ModuloCodePeriod(m) => Sighting::new(observation, m, time, self.nav),
-            };
-            match sighting {
-                Ok(sighting) => usable.push(sighting),
-                Err(reason) => dropped.push(Dropped { sv, reason }),
-            }
-        }
-        (usable, dropped)
+        let window = TimeWindow::new(epoch, nav, options.time_uncertainty_s)?;
+        let options = SnapshotOptions { time_uncertainty_s: FREE_TIME_S, ..*options };
+        Ok(Self { window, nav, options })
     }
 
     fn search(&self, excluded: Option<Sv>) -> Search<'a> {
         let mut hypotheses: Vec<Hypothesis> = Vec::new();
-        for &cell in &self.cells {
-            let (set, _) = self.sightings(cell, excluded);
+        for &cell in &self.window.cells {
+            let (set, _) = self.window.sightings(cell.centre, excluded);
             let rows = set.iter().filter(|s| s.range_rate().is_some()).count();
-            for minimum in minima(&set, cell, self.half_s + MARGIN_S, limit(rows)) {
-                let Some(hypothesis) = self.hypothesis(cell, &minimum, excluded) else { continue };
+            for minimum in minima(&set, cell.centre, cell.half_s + MARGIN_S, limit(rows)) {
+                let Some(hypothesis) = self.hypothesis(cell.centre, &minimum, excluded) else {
+                    continue;
+                };
                 if !hypotheses.iter().any(|h| h.is(&hypothesis)) {
                     hypotheses.push(hypothesis);
                 }
@@ -231,7 +162,7 @@ impl<'a> Window<'a> {
     fn add_aliases(&self, search: &mut Search<'a>, excluded: Option<Sv>) {
         let Some((at, time)) = search.candidates.first().map(|c| search.place(c)) else { return };
         let drift = search.candidates[0].found.fix.state[DRIFT];
-        for (k, time) in aliases(time).filter(|(_, t)| self.is_searched(*t)) {
+        for (k, time) in aliases(time).filter(|(_, t)| self.window.is_searched(*t, 0.0)) {
             let turn = if k % 2 == 0 { 1.0 } else { -1.0 };
             let state = DopplerState::new(turn * at.x, turn * at.y, at.z, drift, 0.0);
             let minimum = Minimum { state, iterations: 0 };
@@ -247,10 +178,6 @@ impl<'a> Window<'a> {
         search.sort();
     }
 
-    fn is_searched(&self, time: GpsTime) -> bool {
-        self.cells.iter().any(|cell| (time - *cell).abs() <= self.half_s)
-    }
-
     /// A minimum under the full model, with the ephemerides of its own time, if it passes there.
     fn hypothesis(
         &self,
@@ -259,7 +186,7 @@ impl<'a> Window<'a> {
         excluded: Option<Sv>,
     ) -> Option<Hypothesis<'a>> {
         let time = cell + minimum.state[4];
-        let (set, _) = self.sightings(time, excluded);
+        let (set, _) = self.window.sightings(time, excluded);
         if set.len() < NEEDED {
             return None;
         }
@@ -271,8 +198,7 @@ impl<'a> Window<'a> {
         let rows = set.iter().filter(|s| s.range_rate().is_some()).count();
         let holds = region.cost <= limit(rows)
             && region.sights.iter().all(|s| s.elevation > LOWEST)
-            && found >= self.from - MARGIN_S
-            && found <= self.to + MARGIN_S;
+            && self.window.is_searched(found, MARGIN_S);
         let iterations = minimum.iterations + region.iterations;
         holds.then_some(Hypothesis { time, set, region, iterations })
     }
@@ -292,9 +218,7 @@ impl<'a> Window<'a> {
         let solve = |integers: Vec<i32>| {
             let fix = problem.solve(set, Some(&integers), start)?;
             let time = hypothesis.time + fix.state[TIME];
-            let holds = fix.cost <= cost_limit
-                && time >= self.from - ONE_TIME_S
-                && time <= self.to + ONE_TIME_S;
+            let holds = fix.cost <= cost_limit && self.window.is_searched(time, ONE_TIME_S);
             let iterations = hypothesis.iterations + fix.iterations;
             holds.then_some(Found { fix, integers, iterations })
         };
@@ -309,7 +233,7 @@ impl<'a> Window<'a> {
     ) -> Result<&'s Candidate, PositioningError> {
         let hypotheses = search.hypotheses.len();
         let best = search.candidates.first();
-        let cost = best.map_or(limit(2 * self.most_satellites), |b| b.found.fix.cost);
+        let cost = best.map_or(limit(2 * self.window.most_satellites), |b| b.found.fix.cost);
         *false_ones += search.hypotheses.iter().map(|h| h.chance(cost)).sum::<f64>();
         let Some(best) = best else {
             let what = if hypotheses == 0 { "Dopplers" } else { "code phases" };
@@ -331,9 +255,8 @@ impl<'a> Window<'a> {
         }
         let hypothesis = &search.hypotheses[best.hypothesis];
         let prediction = Prediction::new(&hypothesis.set, &hypothesis.region);
-        let unseen = |(_, t): &(i32, GpsTime)| {
-            *t >= self.asked.0 && *t <= self.asked.1 && !self.is_searched(*t)
-        };
+        let unseen =
+            |(_, t): &(i32, GpsTime)| self.window.is_asked(*t) && !self.window.is_searched(*t, 0.0);
         *false_ones += aliases(at.1)
             .filter(unseen)
             .map(|(k, _)| {
@@ -344,7 +267,7 @@ impl<'a> Window<'a> {
         if *false_ones > MOST_FALSE {
             return Err(PositioningError::Unproved {
                 satellites: best.found.integers.len(),
-                searched_s: self.searched_s(),
+                searched_s: self.window.searched_s(),
                 hypotheses,
                 expected: *false_ones,
             });
@@ -353,13 +276,14 @@ impl<'a> Window<'a> {
     }
 
     fn unexplained(&self, what: &'static str, hypotheses: usize) -> PositioningError {
+        let (from, to) = self.window.ends();
         PositioningError::TimeNotFound {
             what,
-            satellites: self.most_satellites,
-            from: self.from,
-            to: self.to,
-            searched_s: self.searched_s(),
-            left_out_s: self.left_out_s,
+            satellites: self.window.most_satellites,
+            from,
+            to,
+            searched_s: self.window.searched_s(),
+            left_out_s: self.window.left_out_s,
             hypotheses,
         }
     }
@@ -379,8 +303,8 @@ impl<'a> Window<'a> {
         Ok(Fix {
             clock_bias_s: epoch.receive_time - fix.time,
             time_search: Some(TimeSearch {
-                searched_s: self.searched_s(),
-                left_out_s: self.left_out_s,
+                searched_s: self.window.searched_s(),
+                left_out_s: self.window.left_out_s,
                 hypotheses: search.hypotheses.len(),
                 false_expected: false_ones,
             }),
@@ -400,14 +324,6 @@ impl Hypothesis<'_> {
     fn chance(&self, cost: f64) -> f64 {
         Prediction::new(&self.set, &self.region).chance(cost - self.region.cost)
     }
-}
-
-fn min(a: GpsTime, b: GpsTime) -> GpsTime {
-    if a < b { a } else { b }
-}
-
-fn max(a: GpsTime, b: GpsTime) -> GpsTime {
-    if a > b { a } else { b }
 }
 
 #[cfg(test)]

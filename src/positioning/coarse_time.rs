@@ -45,6 +45,9 @@ pub(super) struct CoarseTime<'a> {
 /// Cost per satellite at which an attempt is given up: a right one costs about 2.
 const HOPELESS: f64 = 1e4;
 
+/// Linearisations at most: a few suffice but where the Dopplers hardly bound a region.
+const MOST_ITERATIONS: usize = 20;
+
 /// A converged solution.
 #[derive(Clone)]
 pub(super) struct CoarseFix {
@@ -76,7 +79,7 @@ impl CoarseTime<'_> {
     ) -> Option<CoarseFix> {
         let mut state = start;
         let mut system = LeastSquares::<6>::default();
-        for iterations in 1..=12 {
+        for iterations in 1..=MOST_ITERATIONS {
             let position_m = Vector3::new(state[0], state[1], state[2]);
             let sights: Vec<Sight> = set
                 .iter()
@@ -118,7 +121,7 @@ impl CoarseTime<'_> {
             }
             let solution = system.solve()?;
             // Two steps bring a start 300 km off to a metre: a cost this large is that of wrong integers.
-            if iterations > 2 && cost > HOPELESS * set.len() as f64 {
+            if integers.is_some() && iterations > 2 && cost > HOPELESS * set.len() as f64 {
                 return None;
             }
             state += solution.x;
@@ -126,9 +129,12 @@ impl CoarseTime<'_> {
             if !(5e6..8e6).contains(&state.fixed_rows::<3>(0).norm()) {
                 return None;
             }
-            // Codes settle to 1 cm; a region of Dopplers need not be better than 10 m.
-            if moved < if integers.is_some() { 0.01 } else { 10.0 } {
-                let covariance = solution.cofactor();
+            let covariance = solution.cofactor();
+            // Codes settle to 1 cm; a region of Dopplers need not be better than 10 m, nor than a
+            // hundredth of what the Dopplers leave open.
+            let open_m = || covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
+            let near_m = if integers.is_some() { 0.01 } else { (0.01 * open_m()).max(10.0) };
+            if moved < near_m {
                 return Some(CoarseFix {
                     state,
                     sights,

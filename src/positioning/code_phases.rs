@@ -89,7 +89,7 @@ impl Prediction {
 
     /// Bound on the probability that code phases of nothing add no more than `cost`.
     pub fn chance(&self, cost: f64) -> f64 {
-        self.density(cost, self.others.len() as f64 * CODE_PERIOD_M.ln())
+        self.volume(cost, self.others.len() as f64 * CODE_PERIOD_M.ln()).min(1.0)
     }
 
     /// Bound on the probability that those of another place and time do, from where the ranges differ by
@@ -101,14 +101,14 @@ impl Prediction {
             covariance[(k, k)] += spread_m * spread_m;
         }
         let log_circle = self.others.len() as f64 * std::f64::consts::TAU.ln() / 2.0;
-        self.density(cost, log_circle + half_log_det(covariance))
+        self.volume(cost, log_circle + half_log_det(covariance)).min(1.0)
     }
 
-    /// Volume of the ellipsoid `Q <= cost` over a volume given by its logarithm.
-    fn density(&self, cost: f64, log_volume: f64) -> f64 {
+    /// Volume of the ellipsoid `Q <= cost` in units of one given by its logarithm.
+    fn volume(&self, cost: f64, log_volume: f64) -> f64 {
         let n = self.others.len();
         let radius = n as f64 / 2.0 * cost.max(0.0).ln();
-        (log_ball(n) + radius + half_log_det(self.covariance.clone()) - log_volume).exp().min(1.0)
+        (log_ball(n) + radius + half_log_det(self.covariance.clone()) - log_volume).exp()
     }
 
     /// Whole periods of each satellite of the set (0 for the reference) that add at most `cost`, the
@@ -216,5 +216,81 @@ impl Search {
             self.integers[level] = whole;
             self.descend(level + 1, cost + innovation * innovation / self.pivots[level]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// Seven satellites, a region of tens of kilometres in four dimensions, code noise of `noise_m`.
+    fn prediction(noise_m: f64, rng: &mut ChaCha8Rng) -> Prediction {
+        let mut normal = || -> f64 { StandardNormal.sample(&mut *rng) };
+        let g = DMatrix::from_fn(6, 4, |_, axis| [3e4, 2e4, 4e3, 1e4][axis] * normal());
+        let mut covariance = &g * g.transpose();
+        covariance.add_scalar_mut(noise_m * noise_m);
+        for k in 0..6 {
+            covariance[(k, k)] += noise_m * noise_m;
+        }
+        Prediction {
+            reference: 0,
+            others: (1..7).collect(),
+            z: vec![0.0; 6],
+            covariance,
+            curvature_m: 0.0,
+            bias_m: 0.0,
+        }
+    }
+
+    /// The mean number of lattice points in an ellipsoid thrown at random is its volume in cells of the
+    /// lattice, whatever its shape: the search must find them all, and the bound is that number.
+    #[test]
+    fn random_code_phases_pass_as_often_as_the_bound_says() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let (mut passed, mut expected, mut squares) = (0.0, 0.0, 0.0);
+        for _ in 0..40 {
+            let mut prediction = prediction(8e3, &mut rng);
+            for _ in 0..2000 {
+                prediction.z.fill_with(|| rng.random_range(0.0..CODE_PERIOD_M));
+                let sets = prediction.integers(25.0);
+                assert!(sets.iter().all(|n| n[0] == 0 && n.len() == 7));
+                passed += sets.len() as f64;
+                squares += (sets.len() as f64).powi(2);
+                expected += prediction.volume(25.0, 6.0 * CODE_PERIOD_M.ln());
+            }
+        }
+        println!("{passed} passed, {expected} expected");
+        // Counts of several points in one ellipsoid are not independent: their own squares say how much
+        // the sum varies. Four deviations.
+        assert!((passed - expected).abs() < 4.0 * squares.sqrt(), "{passed} {expected}");
+        assert!(expected > 100.0, "a test of nothing");
+    }
+
+    /// Pseudoranges off by 500 m for each satellite, noise of 15 m: the bound holds.
+    #[test]
+    fn aliases_pass_no_more_often_than_their_bound() {
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let (spread_m, cost) = (500.0, 12.0);
+        let (mut passed, mut bound) = (0.0, 0.0);
+        for _ in 0..40 {
+            let mut prediction = prediction(15.0, &mut rng);
+            let mut covariance = prediction.covariance.clone();
+            covariance.add_scalar_mut(spread_m * spread_m);
+            (0..6).for_each(|k| covariance[(k, k)] += spread_m * spread_m);
+            let root = covariance.cholesky().unwrap().unpack();
+            for _ in 0..500 {
+                let normal = nalgebra::DVector::from_fn(6, |_, _| StandardNormal.sample(&mut rng));
+                prediction.z = (&root * normal).as_slice().to_vec();
+                passed += prediction.integers(cost).len() as f64;
+                bound += prediction.chance_of_alias(cost, spread_m);
+            }
+        }
+        println!("{passed} passed, {bound} at most");
+        assert!(passed > 50.0, "a test of nothing");
+        // Four deviations of a count.
+        assert!(passed < bound + 4.0 * passed.sqrt(), "{passed} {bound}");
     }
 }

@@ -34,6 +34,7 @@ mod statistics;
 mod synthetic;
 mod system;
 pub mod variable_projection;
+mod time_window;
 mod velocity;
 
 pub use error::{DropReason, Dropped, PositioningError};

@@ -4,7 +4,7 @@ use super::super::synthetic::{Truth, navigation_data_of_hours};
 use super::super::{PositioningOptions, solve_snapshot};
 use super::*;
 use crate::gnss::coordinates::Geodetic;
-use crate::observables::Observation;
+use crate::observables::{CodeRange, Observation};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -19,6 +19,8 @@ struct Class {
     satellites: usize,
     doppler_sigma_hz: f64,
     code_sigma_m: f64,
+    /// False acquisitions among the satellites.
+    false_ones: usize,
     /// Length of the navigation data, h.
     hours: u32,
     /// Hours of the week in which the snapshots are taken.
@@ -63,6 +65,10 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
         *doppler_hz += noise(class.doppler_sigma_hz);
         *range_sigma_m = class.code_sigma_m;
         *doppler_sigma_hz = class.doppler_sigma_hz;
+    }
+    for observation in epoch.observations.iter_mut().take(class.false_ones) {
+        observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
+        observation.doppler_hz = rng.random_range(-5e3..5e3);
     }
     epoch.observations.sort_by_key(|o| o.sv);
     let off_s = if class.uncertainty_s.is_finite() { class.uncertainty_s } else { 0.0 };
@@ -145,84 +151,111 @@ fn tally(class: Class, runs: u64) -> Tally {
     tally
 }
 
+/// Each hypothesis with code phases of nothing is believed no more often than its bound says.
 #[test]
-#[ignore = "minutes"]
-fn table() {
-    let env = |name: &str, default: &str| std::env::var(name).unwrap_or(default.to_owned());
-    let list = |text: String| -> Vec<f64> { text.split(',').map(|s| s.parse().unwrap()).collect() };
-    let runs = env("RUNS", "200").parse().unwrap();
-    for hours in list(env("HOURS", "24")) {
-        for doppler_sigma_hz in list(env("HZ", "1,5,25")) {
-            for satellites in list(env("M", "5,6,7,8,10")) {
-                let class = Class {
-                    satellites: satellites as usize,
-                    doppler_sigma_hz,
-                    code_sigma_m: 15.0,
-                    hours: hours as u32,
-                    taken: (
-                        env("FROM", "0").parse().unwrap(),
-                        env("TO", &hours.to_string()).parse().unwrap(),
-                    ),
-                    uncertainty_s: env("U", "inf").parse().unwrap(),
-                };
-                let t = tally(class, runs);
-                println!("{hours} h {doppler_sigma_hz} Hz m={satellites}: {t:?}");
+fn random_code_phases_pass_no_more_often_than_the_bound_says() {
+    // Noise of kilometres makes chance frequent enough to be counted.
+    let class = Class { satellites: 6, doppler_sigma_hz: 25.0, code_sigma_m: 15e3, ..CLASS };
+    let nav = navigation_data_of_hours(class.hours);
+    let options = SnapshotOptions { time_uncertainty_s: 18_000.0, ..SnapshotOptions::default() };
+    let counts: Vec<(f64, f64)> = (0..200)
+        .into_par_iter()
+        .filter_map(|seed| draw(&class, &nav, seed).map(|(_, epoch)| (seed, epoch)))
+        .flat_map(|(seed, mut epoch)| {
+            let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
+            for observation in &mut epoch.observations {
+                let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
+                observation.range = CodeRange::ModuloCodePeriod(phase_m);
             }
-        }
+            let blind = Blind::new(&epoch, &nav, &options).unwrap();
+            let search = blind.search(None);
+            let of = |index: usize| {
+                let passed = search.candidates.iter().any(|c| c.hypothesis == index);
+                let bound = search.hypotheses[index].chance(limit(2 * class.satellites));
+                (f64::from(u8::from(passed)), bound)
+            };
+            (0..search.hypotheses.len()).map(of).collect::<Vec<_>>()
+        })
+        .collect();
+    let passed: f64 = counts.iter().map(|c| c.0).sum();
+    let bound: f64 = counts.iter().map(|c| c.1).sum();
+    println!("{} hypotheses: {passed} passed, {bound} at most", counts.len());
+    assert!(passed > 20.0, "a test of nothing");
+    // Three deviations of a count.
+    assert!(passed < bound + 3.0 * passed.sqrt(), "{passed} {bound}");
+}
+
+const CLASS: Class = Class {
+    satellites: 8,
+    doppler_sigma_hz: 5.0,
+    code_sigma_m: 15.0,
+    false_ones: 0,
+    hours: 120,
+    taken: (48.0, 72.0),
+    uncertainty_s: 86_400.0,
+};
+
+#[test]
+fn time_within_a_day_is_found_with_the_place_and_nothing_wrong_is_printed() {
+    for (satellites, least) in [(6, 0.9), (8, 0.98)] {
+        let tally = tally(Class { satellites, ..CLASS }, 40);
+        println!("{satellites} satellites: {tally:?}");
+        assert_eq!(tally.wrong, 0);
+        assert!(tally.right as f64 >= least * tally.runs as f64);
     }
 }
 
-/// How far the ranges of the real sky are from repeating.
 #[test]
-#[ignore = "data"]
-fn alias_spread() {
-    let nav = crate::gnss::rinex_nav::read("/work/shared/nav/brdc0010.22n").unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut all = Vec::new();
-    for k in [1, 2] {
-        let mut rms = Vec::new();
-        for _ in 0..200 {
-            let latitude = rng.random_range(-0.98f64..0.98).asin();
-            let longitude: f64 = rng.random_range(-180.0..180.0);
-            let place = Geodetic::from_degrees(latitude.to_degrees(), longitude, 0.0).to_ecef();
-            let t0 = GpsTime::from_week_tow(2190, 518_400.0);
-            let t = t0 + rng.random_range(0.0..(86400.0 - 43082.0 * f64::from(k)));
-            let turned = if k == 1 { Vector3::new(-place.x, -place.y, place.z) } else { place };
-            let t2 = t + f64::from(k) * ALIAS_S;
-            let mut system = super::super::least_squares::LeastSquares::<5>::default();
-            let mut rows = Vec::new();
-            let options = PositioningOptions::default();
-            for sv in nav.satellites() {
-                let (Some(a), Some(b)) = (nav.ephemeris(sv, t), nav.ephemeris(sv, t2)) else {
-                    continue;
-                };
-                let a = super::super::sight::Sight::new(a, &place, t, &nav, &options);
-                let b = super::super::sight::Sight::new(b, &turned, t2, &nav, &options);
-                if a.elevation < 0.1 {
-                    continue;
-                }
-                let g = -b.direction;
-                let rate = b.range_rate(&Vector3::zeros(), 0.0);
-                let row = DopplerState::new(g.x, g.y, g.z, 1.0, rate);
-                system.push(&row, a.range_m - b.range_m);
-                rows.push((row, a.range_m - b.range_m));
+fn a_false_acquisition_is_left_out() {
+    let class = Class {
+        satellites: 9,
+        false_ones: 1,
+        hours: 24,
+        taken: (2.0, 22.0),
+        uncertainty_s: 7200.0,
+        ..CLASS
+    };
+    let tally = tally(class, 20);
+    println!("{tally:?}");
+    assert_eq!((tally.wrong, tally.right), (0, tally.runs));
+}
+
+#[test]
+fn the_navigation_data_of_another_day_give_no_fix() {
+    let tally = tally(
+        Class {
+            satellites: 7,
+            hours: 12,
+            taken: (26.0, 38.0),
+            uncertainty_s: f64::INFINITY,
+            ..CLASS
+        },
+        20,
+    );
+    println!("{tally:?}");
+    assert_eq!(tally.right + tally.wrong, 0);
+}
+
+/// Windows of time, and snapshots of each: five hours either way, a day either way, a week without any time.
+const WINDOWS: [(&str, u64, Class); 3] = [
+    ("5 h", 200, Class { hours: 72, taken: (24.0, 48.0), uncertainty_s: 18_000.0, ..CLASS }),
+    ("24 h", 200, CLASS),
+    ("week", 60, Class { hours: 166, taken: (0.0, 166.0), uncertainty_s: f64::INFINITY, ..CLASS }),
+];
+
+/// The table of docs/snapshot.md.
+#[test]
+#[ignore = "minutes"]
+fn table() {
+    for (name, runs, class) in WINDOWS {
+        for doppler_sigma_hz in [1.0, 5.0, 25.0] {
+            for satellites in [5, 6, 7, 8, 10] {
+                let class = Class { satellites, doppler_sigma_hz, ..class };
+                println!(
+                    "{name}, {doppler_sigma_hz} Hz, m = {satellites}: {:?}",
+                    tally(class, 200)
+                );
             }
-            if rows.len() < 7 {
-                continue;
-            }
-            let n = rows.len();
-            let x = system.solve().unwrap().x;
-            let cost: f64 = rows.iter().map(|(r, y)| (y - r.dot(&x)).powi(2)).sum();
-            rms.push((cost / (n - 5) as f64).sqrt());
         }
-        rms.sort_by(f64::total_cmp);
-        let n = rms.len();
-        println!(
-            "k {k}: n {n} rms p5 {:.0} median {:.0} p95 {:.0}",
-            rms[n / 20],
-            rms[n / 2],
-            rms[n * 19 / 20]
-        );
-        all.push(rms);
     }
 }
