@@ -25,10 +25,10 @@ const CHUNK: usize = 256;
 
 /// Positions from RINEX observations (versions 2 to 4; GPS and QZSS L1 C/A)
 ///
-/// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. The observations that `process`
-/// writes are such files:
+/// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. What `sdr-rx process
+/// signals/static_8sv.toml --out fix` writes are such files:
 ///
-/// Example: sdr-rx solve fix/observations.rnx fix/navigation.rnx --observable doppler
+/// Example: sdr-rx solve fix/SDRX00XXX_S_20220010200_39S_01S_MO.rnx fix/navigation.rnx
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Solve {
@@ -44,8 +44,8 @@ pub struct Solve {
     /// What to solve from; Dopplers need a receiver at rest
     #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
     observable: ObservableArg,
-    /// Solver from the Earth's centre: gn, adgn:MU0, adgn-bt, aw-dgn:MU0, aw-dgn-bt, vp, ...
-    #[arg(long, value_name = "NAME", default_value = "aw-dgn-bt", help_heading = "Position")]
+    /// Solver from the Earth's centre: best, aw-dgn-bt, vp, gn, ...; any other word lists all
+    #[arg(long, value_name = "NAME", default_value = "best", help_heading = "Position")]
     solver: Solver,
     /// The receiver rests: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
@@ -233,7 +233,6 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     let given = args.reference.map(|place| (place.to_ecef(), "--reference"));
     let reference =
         given.or(approximate).map(|(position_m, source)| Reference { position_m, source });
-    let first = solved.epochs.first().map(|e| e.receive_time);
     let name = args.observations.file_name().unwrap_or(args.observations.as_os_str());
     let run = Run {
         capture: &name.display().to_string(),
@@ -246,7 +245,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         noise: None,
         warnings: &warnings,
         reason: reason.as_deref(),
-        first_fix_s: solved.fixes.first().zip(first).map(|(fix, first)| fix.time - first),
+        first_fix_s: solved.fixes.first().map(|fix| fix.sample),
         reference,
         seed: None,
         options: serde_json::json!({

@@ -67,8 +67,9 @@ pub(super) fn cold_start(
         }
     }
     let solver = adjustment.options.solver;
-    // The paper's solvers are unweighted; only deviations let variable projection prove its result.
-    let weighted = matches!(solver, Solver::Vp | Solver::VpOnce);
+    // The paper's solvers are unweighted; only deviations let the others prove their result.
+    let weighted =
+        matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce);
     let solution = match adjustment.options.observable {
         Observable::Pseudorange => solver.solve(&ranges.observed::<Pseudorange>(weighted), trace),
         Observable::Doppler => solver.solve(&rates.observed::<Doppler>(weighted), trace),

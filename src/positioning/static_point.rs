@@ -142,7 +142,7 @@ impl<'a> Normal<'a> {
         for clock in [BIAS, DRIFT] {
             let of_clock = || rows.iter().filter(|row| row.clock == clock);
             let total: f64 = of_clock().map(weight).sum();
-            if !(total > 0.0) {
+            if total.is_nan() || total <= 0.0 {
                 continue;
             }
             let mean: Vector3<f64> =

@@ -64,7 +64,7 @@ impl Station {
     fn check(&self, range_bound_m: f64, doppler_bound_m: f64) -> Result<(), Failed> {
         let nav = rinex_nav::read(&self.navigation)?;
         let epochs: Vec<_> = rinex_obs::open(&self.observations)?.collect::<Result<_, _>>()?;
-        for solver in [Solver::AwDgnBt, Solver::Vp] {
+        for solver in [Solver::AwDgnBt, Solver::Best] {
             let error = |observable| self.median_error(&epochs, &nav, observable, solver);
             let range = error(Observable::Pseudorange)?;
             let doppler = error(Observable::Doppler)?;
