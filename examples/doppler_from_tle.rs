@@ -1,7 +1,6 @@
 //! A place from ten seconds of Doppler of low satellites whose orbits are two-line element sets.
 //!
-//! `cargo run --release --example doppler_from_tle [-- ELEMENTS.tle]`: those of a file, such as CelesTrak's, at
-//! the epoch of its first; without a file, those of a shell made here.
+//! `cargo run --release --example doppler_from_tle [-- ELEMENTS.tle]`; without a file: a shell made here.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
