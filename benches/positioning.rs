@@ -1,14 +1,20 @@
-//! Time of one AW-DGN-BT solve from the Earth's centre, and of its linear system beside nalgebra's QR.
+//! Time of one solve without prior knowledge, by each solver, beside the plain way: the same AW-DGN-BT with
+//! nalgebra's dynamic matrices and QR. RTKLIB's solver cannot be timed alone (its Debian package has only
+//! programs that read files), so it is not here.
 //!
-//! Counted work of a solve with m satellites: 7 linearisations and about 8 evaluations of the cost,
-//! each of m square roots; 7 systems of m rows by 4 unknowns, 20 m multiplications each. No allocation.
+//! Counted work of an AW-DGN-BT solve with m satellites: 7 linearisations and about 8 evaluations of the
+//! cost, each of m square roots and divisions; 7 systems of m rows, 32 m multiplications each. The variable
+//! projection takes 4 linearisations, 3 of them with second derivatives. No allocation.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{DMatrix, DVector, Vector3, Vector4};
-use sdr_rx::positioning::aw_dgn_bt::aw_dgn_bt;
-use sdr_rx::positioning::least_squares::LeastSquares;
 use sdr_rx::positioning::model::{Doppler, ObservationModel, Pseudorange, Satellite};
+use sdr_rx::positioning::observations::{Observed, Sigma};
+use sdr_rx::positioning::solver::Solver;
 use std::hint::black_box;
+
+/// Radius of the altitude wall, m.
+const WALL: f64 = 6.421e6;
 
 /// Walker 24/3/1 at 56 deg and 29 600 km (Galileo-like), Earth-fixed, `t` s after it was aligned.
 fn walker(t: f64) -> Vec<Satellite> {
@@ -49,46 +55,71 @@ fn epochs<M: ObservationModel>() -> Vec<(Vec<Satellite>, Vec<f64>)> {
         .collect()
 }
 
-fn solve<M: ObservationModel>(c: &mut Criterion, name: &str) {
+/// AW-DGN-BT as one writes it down, with dynamic matrices.
+fn plain<M: ObservationModel>(satellites: &[Satellite], observed: &[f64]) -> Option<Vector4<f64>> {
+    let n = satellites.len();
+    let residuals = |x: &Vector4<f64>| {
+        DVector::from_fn(n, |i, _| observed[i] - M::predict(&satellites[i], &x.xyz()) - x.w)
+    };
+    let mut x = Vector4::zeros();
+    for _ in 0..100 {
+        let e = residuals(&x);
+        let mut jacobian = DMatrix::from_element(n, 4, 1.0);
+        for (i, satellite) in satellites.iter().enumerate() {
+            let (_, gradient) = M::linearise(satellite, &x.xyz());
+            jacobian.fixed_view_mut::<1, 3>(i, 0).tr_copy_from(&gradient);
+        }
+        let qr = jacobian.qr();
+        let dx = qr.r().solve_upper_triangular(&(qr.q().transpose() * &e))?;
+        let dx = Vector4::new(dx[0], dx[1], dx[2], dx[3]);
+        let mut mu = 1.0;
+        let allowed = |x: &Vector4<f64>| {
+            x.xyz().norm() < WALL
+                && residuals(x).norm_squared() <= (1.0 + 1e-8) * e.norm_squared() + 1e-13
+        };
+        while !allowed(&(x + mu * dx)) {
+            mu /= 2.0;
+            if mu < 1e-6 {
+                return None;
+            }
+        }
+        x += mu * dx;
+        if mu * dx.norm() < 1e-5 {
+            return Some(x);
+        }
+    }
+    None
+}
+
+fn solve<M: ObservationModel>(c: &mut Criterion, name: &str, solvers: &[Solver]) {
     let epochs = epochs::<M>();
+    for solver in solvers {
+        let mut next = epochs.iter().cycle();
+        c.bench_function(&format!("{solver}/{name}"), |b| {
+            b.iter_batched(
+                || next.next().expect("a cycle"),
+                |(satellites, observed)| {
+                    let rows = Observed::<M>::new(satellites, observed);
+                    black_box(solver.solve(&rows.with_sigma(Sigma::Same(1.0)), |_| ()))
+                },
+                BatchSize::SmallInput,
+            );
+        });
+    }
     let mut next = epochs.iter().cycle();
-    c.bench_function(&format!("aw-dgn-bt/{name}"), |b| {
+    c.bench_function(&format!("aw-dgn-bt, nalgebra's plain way/{name}"), |b| {
         b.iter_batched(
             || next.next().expect("a cycle"),
-            |(satellites, observed)| black_box(aw_dgn_bt::<M>(satellites, observed)),
+            |(satellites, observed)| black_box(plain::<M>(satellites, observed)),
             BatchSize::SmallInput,
         );
     });
 }
 
-fn linear_system(c: &mut Criterion) {
-    let rows: Vec<(Vector4<f64>, f64)> = epochs::<Pseudorange>()[0]
-        .0
-        .iter()
-        .map(|s| ((-s.position_m.normalize()).push(1.0), s.position_m.x))
-        .collect();
-    let mut system = LeastSquares::<4>::default();
-    c.bench_function("linear system/ours", |b| {
-        b.iter(|| {
-            black_box(&rows).iter().for_each(|(row, right)| system.push(row, *right));
-            system.solve().map(|s| s.x)
-        });
-    });
-    c.bench_function("linear system/nalgebra QR", |b| {
-        b.iter(|| {
-            let rows = black_box(&rows);
-            let j = DMatrix::from_fn(rows.len(), 4, |i, k| rows[i].0[k]);
-            let e = DVector::from_fn(rows.len(), |i, _| rows[i].1);
-            let qr = j.qr();
-            qr.r().solve_upper_triangular(&(qr.q().transpose() * e))
-        });
-    });
-}
-
 fn all(c: &mut Criterion) {
-    solve::<Pseudorange>(c, "pseudorange");
-    solve::<Doppler>(c, "doppler");
-    linear_system(c);
+    let [aw, vp, bancroft] = [Solver::AwDgnBt, Solver::Vp, Solver::Bancroft];
+    solve::<Pseudorange>(c, "pseudorange", &[aw, vp, bancroft, Solver::Best]);
+    solve::<Doppler>(c, "doppler", &[aw, vp, Solver::Best]);
 }
 
 criterion_group!(benches, all);

@@ -34,8 +34,9 @@
 //! **[`observables`]**: tracks at one instant, or a snapshot's code phases, become
 //! [`Observation`](observables::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
 //!
-//! **[`positioning`]**: [`aw_dgn_bt`](positioning::aw_dgn_bt) starts at the Earth's centre; then the full
-//! model, a residual test with exclusion, velocity, covariance. It knows of no files and no samples.
+//! **[`positioning`]**: every [`Solver`](positioning::solver::Solver) by its name, from the Earth's centre, on
+//! pseudoranges, Dopplers or both; then the full model, a residual test with exclusion, velocity, covariance.
+//! It knows of no files and no samples.
 //!
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
 //!

@@ -135,8 +135,9 @@ fn run<O: Observations, const N: usize>(
         let (mut wall, mut cost) = (0, 0);
         let phi_next = loop {
             let next = position + mu * dx;
-            // Also where the step leads beyond all numbers.
-            let blocked = damping.descent && !(next.norm() < damping.wall_m);
+            // A step beyond all numbers is not inside either.
+            let inside = next.norm() < damping.wall_m;
+            let blocked = damping.descent && !inside;
             if !blocked {
                 let clocks_next = [clocks[0] + mu * dc[0], clocks[1] + mu * dc[1]];
                 system.see(&next, there);

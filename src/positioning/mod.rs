@@ -1,7 +1,10 @@
 //! From observations to a position: least squares from the Earth's centre.
 //!
-//! [`aw_dgn_bt`] is the bare iteration on satellite positions, for a researcher; [`solve_epoch`]
-//! and [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
+//! On plain satellite positions and velocities, for a researcher: [`solver::Solver`] runs every solver by its
+//! name on pseudoranges, Dopplers or both ([`observations`]), allocates nothing, and gives one
+//! [`outcome::Solution`] with its trace: the paper's family ([`aw_dgn_bt`]), the quicker and more robust
+//! [`variable_projection`], [`bancroft`]'s algebra, the gradient family ([`descent`]). [`solve_epoch`] and
+//! [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
 
 mod adjustment;
 pub mod aw_dgn_bt;

@@ -22,6 +22,7 @@ const SIGMA: [f64; 2] = [3.0, 0.5 * 299_792_458.0 / 1575.42e6];
 pub fn trials() -> Vec<Trial> {
     vec![
         Trial::test("random_skies_are_solved_as_often_as_by_the_reference", || all(DRAWS)),
+        Trial::test("two_low_satellites_give_a_place_over_two_minutes", transit),
         Trial::test("random_skies_long", || all(10 * DRAWS)).with_ignored_flag(true),
     ]
 }
@@ -214,4 +215,38 @@ fn judge<O: Observations>(rows: &O, case: &Case, sky: &Draw, solver: Solver) -> 
         several: fix.ambiguity == Ambiguity::Several,
         iterations: fix.iterations,
     }
+}
+
+/// Dopplers of two low satellites every 5 s for 2 minutes, one drift for all: fewer than four satellites, but
+/// 50 rows. The error in deviations squared is chi-square with three degrees of freedom, above 21.1 in one
+/// of 10 000.
+fn transit() -> Result<(), Failed> {
+    let mut worst = (0.0f64, 0.0f64);
+    for number in 0..20 {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        rng.set_stream(number);
+        let start = rng.random_range(0.0..86_400.0);
+        let walker = Walker::STARLINK_LIKE;
+        let sky = Skies::at(&walker, start + 60.0).draw(&mut rng, 0.0..=0.0, 2);
+        let middle = walker.at(start + 60.0);
+        let chosen: Vec<usize> = (0..middle.len())
+            .filter(|&k| sky.satellites.iter().any(|s| s.position_m == middle[k].position_m))
+            .collect();
+        let satellites = (0..25)
+            .flat_map(|k| {
+                let all = walker.at(start + 5.0 * f64::from(k));
+                chosen.iter().map(move |&k| all[k]).collect::<Vec<_>>()
+            })
+            .collect();
+        let pass = Draw { truth: sky.truth, satellites };
+        let rates = pass.observe::<Doppler>(&mut rng, 300.0, SIGMA[1]);
+        let rows =
+            Observed::<Doppler>::new(&pass.satellites, &rates).with_sigma(Sigma::Same(SIGMA[1]));
+        let fix = Solver::Best.solve(&rows, |_| ())?;
+        let error = fix.state.position_m - pass.truth;
+        let inverse = fix.covariance.try_inverse().ok_or("a singular covariance")?;
+        worst = (worst.0.max(error.dot(&(inverse * error))), worst.1.max(error.norm()));
+    }
+    println!("two satellites over 2 minutes: at worst {:.0} m, chi-square {:.1}", worst.1, worst.0);
+    if worst.0 < 21.1 { Ok(()) } else { Err("errors are not those of the covariance".into()) }
 }

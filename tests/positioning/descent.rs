@@ -152,7 +152,7 @@ fn rate() -> Result<(), Failed> {
     let mut steps = 0;
     Descent::new(Gradient, Constant(alpha)).solve(&rows, &start(), |step| {
         let error = error(&step.state);
-        steps += usize::from(error < 1e3 && error >= 1.0);
+        steps += usize::from((1.0..1e3).contains(&error));
     })?;
     let expected = 1000f64.ln() / -(1.0 - alpha * spread.min()).ln();
     println!("condition {:.0}: {steps} steps from 1 km to 1 m, theory {expected:.1}", {

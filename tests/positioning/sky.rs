@@ -88,6 +88,11 @@ impl Skies {
         Self((0..times).map(|_| walker.at(rng.random_range(0.0..86_400.0))).collect())
     }
 
+    /// A constellation at one time.
+    pub fn at(walker: &Walker, t: f64) -> Self {
+        Self(vec![walker.at(t)])
+    }
+
     /// A place at a uniform direction, its height above the ellipsoid in `height_m`, with `count` random
     /// ones of the satellites above 5 degrees.
     pub fn draw(&self, rng: &mut ChaCha8Rng, height_m: RangeInclusive<f64>, count: usize) -> Draw {
