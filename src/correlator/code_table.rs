@@ -30,7 +30,7 @@ pub struct Taps<'a> {
     pub len: usize,
     /// Index of the sample that the first entries belong to.
     pub first_sample: u64,
-    /// Where the prompt replica really starts: replica start minus asked start, samples.
+    /// Where the prompt replica really lies: replica minus asked, samples.
     pub offset: f64,
 }
 
@@ -65,16 +65,18 @@ impl CodeTable {
     }
 
     /// Replicas for the code period that starts at the fractional sample index `start` and lasts to
-    /// `end`, early and late `tap_chips` away from prompt.
+    /// `end`, early and late `tap_chips` away from prompt. The table knows no Doppler of the code: replica
+    /// and period are aligned in their middles, where a Doppler of 30 kHz moves the ends by 0.01 chip.
     pub fn taps(&self, start: f64, end: f64, tap_chips: f64) -> Taps<'_> {
         let phases = self.rows.len();
         let first = start.ceil();
         let len = (end.ceil() - first).clamp(0.0, self.samples_per_period + 8.0) as usize;
-        let lead = first - start;
-        let step = ((lead * phases as f64) as usize).min(phases - 1);
+        let stretch = end - start - self.samples_per_period;
+        let lead = first - (start + 0.5 * stretch);
+        let step = (lead * phases as f64).floor() as isize;
         let distance = self.steps(tap_chips);
         let replica = |shift: isize| {
-            let index = step as isize + shift + (GUARD * phases) as isize;
+            let index = step + shift + (GUARD * phases) as isize;
             let (row, first) =
                 (index.rem_euclid(phases as isize), index.div_euclid(phases as isize));
             &self.rows[row as usize][first as usize..]
@@ -102,13 +104,15 @@ mod tests {
             let period = rate * 1e-3;
             for k in 0..50 {
                 let start = 1000.0 + 0.37 * f64::from(k);
-                let taps = table.taps(start, start + period, 0.25);
+                // A Doppler of up to 40 kHz on the carrier.
+                let stretch = 2.5e-5 * period * (f64::from(k) / 25.0 - 1.0);
+                let taps = table.taps(start, start + period + stretch, 0.25);
                 let distance = table.tap_distance(0.25);
                 assert!((distance * CA_CHIP_RATE / rate - 0.25).abs() <= 0.5 / 40.0 + 1e-12);
                 assert!(taps.offset.abs() <= 0.5 / table.rows.len() as f64 + 1e-9);
                 for (tap, shift) in [(0, -distance), (1, 0.0), (2, distance)] {
                     for n in (0..taps.len).step_by(7) {
-                        let replica_start = start + taps.offset + shift;
+                        let replica_start = start + 0.5 * stretch + taps.offset + shift;
                         let chip = (taps.first_sample as f64 + n as f64 - replica_start)
                             * CA_CHIP_RATE
                             / rate;

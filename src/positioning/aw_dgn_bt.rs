@@ -119,7 +119,7 @@ fn run<O: Observations, const N: usize>(
     let (mut here, mut there) = (&mut seen, &mut seen_next);
     let (mut right, mut right_next) = ([0.0; N], [0.0; N]);
     let mut position: Vector3<f64> = start.position_m;
-    let mut clocks: Clocks = [start.bias_m.unwrap_or(0.0), start.drift_mps.unwrap_or(0.0)];
+    let mut clocks: Clocks = system.clocks(start);
     let mut mu = damping.initial;
     system.see(&position, here);
     let mut phi = system.residuals(here, &clocks, &mut right);

@@ -102,8 +102,9 @@ fn roots<O: Observations, const N: usize>(
         let y = p + l * q;
         let (mut seen, mut right) = (unseen::<N>(), [0.0; N]);
         system.see(&y.xyz(), &mut seen);
-        let cost = system.residuals(&seen, &[y.w, 0.0], &mut right);
-        cost.is_finite().then(|| (cost, system.state(y.xyz(), [y.w, 0.0])))
+        let clocks = [y.w - system.offsets[0], 0.0];
+        let cost = system.residuals(&seen, &clocks, &mut right);
+        cost.is_finite().then(|| (cost, system.state(y.xyz(), clocks)))
     };
     match (place(c / h), place(h / a)) {
         (Some(x), Some(y)) if y.0 < x.0 => Ok((y.1, Some(x.1))),

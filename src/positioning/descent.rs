@@ -108,8 +108,7 @@ impl Descent {
     ) -> Result<Solution, Failure> {
         let mut system = System::<O, N>::new(observations)?;
         let (mut seen, mut right) = (unseen::<N>(), [0.0; N]);
-        let clocks = [start.bias_m, start.drift_mps].map(|c| c.unwrap_or(0.0));
-        let mut x = join(&start.position_m, clocks);
+        let mut x = join(&start.position_m, system.clocks(start));
         let mut last: Option<(Vector5<f64>, Vector5<f64>)> = None;
         for iterations in 0..=self.max_iterations {
             let (position, clocks) = split(&x);

@@ -111,13 +111,17 @@ pub enum Failure {
     )]
     NoDeviation,
     /// A satellite is where the receiver is, where its direction is not defined.
-    #[error("the satellite of observation {row} is at the receiver's place: its position is wrong")]
+    #[error(
+        "the satellite of observation {row} is within 1 km of the receiver: its position is wrong"
+    )]
     Coincident {
         /// Row, from 0.
         row: usize,
     },
     /// All satellites and the receiver lie in one plane.
-    #[error("the satellites lie in one plane with the receiver: nothing tells its two sides apart")]
+    #[error(
+        "the satellites lie in one plane through the place that the iteration reached: nothing tells its two sides apart"
+    )]
     Coplanar,
     /// The linear system has no unique solution.
     #[error(

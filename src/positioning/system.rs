@@ -15,8 +15,8 @@ use std::ops::Range;
 /// Largest number of rows that the position solvers take.
 pub const MAX_ROWS: usize = 1024;
 
-/// Below this distance, m, a satellite's direction is not defined: no two things in space are as near.
-const COINCIDENT_M: f64 = 1.0;
+/// Below this distance, m, a satellite is taken for the receiver: no two things in space are as near.
+const COINCIDENT_M: f64 = 1e3;
 /// Smallest allowance of the descent tests for rounding, m^2 or (m/s)^2.
 const FLOOR: f64 = 1e-13;
 
@@ -37,6 +37,7 @@ pub(super) struct System<'a, O, const N: usize> {
     /// Rows of each clock term.
     groups: [Range<usize>; 2],
     rows: usize,
+    /// Observations without the offsets.
     observed: [f64; N],
     weights: [f64; N],
     /// Squared length of each clock column.
@@ -44,8 +45,13 @@ pub(super) struct System<'a, O, const N: usize> {
     /// Rows of `[J | e]`; once solved, the orthogonal columns of the centred Jacobian.
     augmented: [[f64; 4]; N],
     triangle: Triangle<3, 4>,
+    /// First observation of each clock term: taken from all of its rows, so that a large clock term does
+    /// not cost digits of the residuals.
+    pub offsets: Clocks,
     /// What the cost may grow by rounding.
     pub floor: f64,
+    /// Rounding of the cost itself.
+    pub rounding: f64,
 }
 
 impl<'a, O: Observations, const N: usize> System<'a, O, N> {
@@ -69,21 +75,26 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
             clock_squares: [0.0; 2],
             augmented: [[0.0; 4]; N],
             triangle: Triangle::ZERO,
+            offsets: [0.0; 2],
             floor: 0.0,
+            rounding: 0.0,
         };
-        for (group, square) in groups.into_iter().zip(&mut system.clock_squares) {
+        for (clock, group) in groups.into_iter().enumerate() {
+            let offset = group.clone().next().map_or(0.0, |first| observations.observed(first));
+            system.offsets[clock] = offset;
             let (mut largest, mut heaviest) = (0.0f64, 0.0f64);
             for row in group.clone() {
                 let (y, weight) = (observations.observed(row), 1.0 / observations.sigma(row));
                 if !(weight > 0.0 && weight.is_finite()) {
                     return Err(Failure::NotFinite { row, what: "deviation" });
                 }
-                (system.observed[row], system.weights[row]) = (y, weight);
-                *square += weight * weight;
+                (system.observed[row], system.weights[row]) = (y - offset, weight);
+                system.clock_squares[clock] += weight * weight;
                 (largest, heaviest) = (largest.max(y.abs()), heaviest.max(weight));
             }
             let rounding = group.len() as f64 * (8.0 * f64::EPSILON * largest).powi(2);
             system.floor += rounding.max(FLOOR) * heaviest * heaviest;
+            system.rounding += rounding * heaviest * heaviest;
         }
         Ok(system)
     }
@@ -97,9 +108,9 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
         self.rows - unknowns(self.observations)
     }
 
-    /// A place with the clock terms that are observed.
+    /// A place with the clock terms that are observed, from those without the offsets.
     pub fn state(&self, position_m: Vector3<f64>, clocks: Clocks) -> State {
-        let term = |k: usize| (!self.groups[k].is_empty()).then_some(clocks[k]);
+        let term = |k: usize| (!self.groups[k].is_empty()).then(|| clocks[k] + self.offsets[k]);
         State { position_m, bias_m: term(0), drift_mps: term(1) }
     }
 
@@ -111,7 +122,13 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
         }
     }
 
-    /// Weighted residuals at clock terms, and the sum of their squares.
+    /// Clock terms of a state without the offsets; 0 for those that it does not give.
+    pub fn clocks(&self, state: &State) -> Clocks {
+        let [bias, drift] = self.offsets;
+        [state.bias_m.unwrap_or(0.0) - bias, state.drift_mps.unwrap_or(0.0) - drift]
+    }
+
+    /// Weighted residuals at clock terms (without the offsets), and the sum of their squares.
     #[inline]
     pub fn residuals(&self, seen: &Rows<N>, clocks: &Clocks, right: &mut [f64; N]) -> f64 {
         let mut cost = 0.0;
@@ -178,6 +195,12 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
         step.iter().chain(&clocks).all(|v| v.is_finite()).then_some((step, clocks))
     }
 
+    /// By how much the last step would lower the cost if the rows were linear.
+    pub fn promise(&self) -> f64 {
+        let Triangle { upper, squares } = &self.triangle;
+        upper.iter().zip(squares).map(|(row, square)| square * row[3] * row[3]).sum()
+    }
+
     /// The step in position for another right-hand side of the same rows, centred.
     #[inline]
     pub fn step_again(&self, right: &mut [f64; N]) -> Vector3<f64> {
@@ -241,7 +264,7 @@ impl<'a, O: Observations, const N: usize> System<'a, O, N> {
         let finite = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
         for row in 0..self.rows {
             let satellite = self.observations.satellite(row);
-            let what = if !self.observed[row].is_finite() {
+            let what = if !self.observations.observed(row).is_finite() {
                 "value"
             } else if !finite(&satellite.position_m) {
                 "satellite position"

@@ -10,7 +10,7 @@
 //!         D <- A+ e,  a <- -A+ centre(h''(D, D)) / 2;  a <- 0 unless |2 a| < 0.75 |D|
 //!         mu <- 1;  loop: rn <- r + mu D + mu^2 a;  if |rn| > wall: rn <- wall * unit(rn)
 //!                         accept if Phi(rn) <= (1 + tau) Phi(r) + floor, else mu <- mu/2
-//! until mu |D| < eps (the step before its projection)
+//! until mu |D| < eps (the step before its projection), or it promises less than rounding
 //! ```
 //!
 //! `a` is the geodesic acceleration of Transtrum and Sethna (2012). Where Gauss-Newton's iterate would
@@ -19,10 +19,10 @@
 //! What converges is believed when it lies between 100 km below and 50 km above the mean radius, and
 //! its cost is below 25 times the redundancy (5 deviations); below 2.5 deviations at once, between the
 //! two after four more starts. Starts, until one is believed: the centroid; the centroid after two
-//! Gauss-Newton steps on the sphere; the cheapest of twelve places around it; the centroid without wall
-//! (if redundant observations can prove a place in orbit); then the twelve, at 0.2 and 0.6 rad. With no
-//! redundancy every place fits: the sphere comes first, and all starts are used to look for a second
-//! solution, which is reported.
+//! Gauss-Newton steps on the sphere; the cheapest place on the rings; the centroid without wall, which may
+//! lead to a place in orbit if redundant observations prove it; then six places on each of three rings
+//! around the centroid, at 0.2, 0.6 and 0.07 rad. With no redundancy every place fits: the sphere comes
+//! first, and all starts are used to look for other solutions, which are reported.
 
 use super::belief::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
 use super::model::Satellite;
@@ -46,7 +46,7 @@ const AS_GOOD: f64 = 9.0;
 const MORE_STARTS: usize = 4;
 /// Starts around the centroid: this many on each ring, at these angles from it, rad.
 const RING: usize = 6;
-const RINGS: [f64; 2] = [0.2, 0.6];
+const RINGS: [f64; 3] = [0.2, 0.6, 0.07];
 
 /// Solves from below the satellites' centroid, with `restarts` until the residuals prove the place, or
 /// without. `trace` sees each accepted step. Allocates nothing.
@@ -86,7 +86,6 @@ fn starts(redundancy: usize, restarts: bool) -> impl Iterator<Item = Start> {
     let rings = (0..RINGS.len() * RING).map(Start::Ring);
     first.into_iter().chain(rings).filter(move |start| match start {
         Start::Centroid => redundancy > 0 || !restarts,
-        Start::CentroidWithoutWall => redundancy > 0 && restarts,
         _ => restarts,
     })
 }
@@ -109,9 +108,11 @@ impl Minimum {
     }
 
     /// Whether a place can be believed by its height: without wall, only the residuals bound it above.
-    fn plausible(&self, start: Start) -> bool {
+    fn plausible(&self, start: Start, redundancy: usize) -> bool {
         match start {
-            Start::CentroidWithoutWall => above_the_ground(&self.state.position_m),
+            Start::CentroidWithoutWall if redundancy > 0 => {
+                above_the_ground(&self.state.position_m)
+            }
             _ => near_the_surface(&self.state.position_m),
         }
     }
@@ -178,7 +179,7 @@ fn solve<O: Observations, const N: usize>(
     let mut left = usize::MAX;
     for start in starts(redundancy, restarts) {
         match solver.start(start) {
-            Ok(minimum) if minimum.plausible(start) => {
+            Ok(minimum) if minimum.plausible(start, redundancy) => {
                 minima.push(minimum, redundancy > 0);
                 if redundancy > 0 && minimum.cost < early {
                     break;
@@ -212,7 +213,7 @@ fn solve<O: Observations, const N: usize>(
     }
     if let Some(mirrored) = solver.system.mirrored(&state.position_m).filter(|_| restarts) {
         let start = Start::Place(mirrored);
-        if let Some(second) = solver.start(start).ok().filter(|m| m.plausible(start)) {
+        if let Some(second) = solver.start(start).ok().filter(|m| m.plausible(start, redundancy)) {
             minima.push(second, false);
         }
     }
@@ -323,7 +324,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
             let Some((d, _)) = system.step(&here.seen, &here.right) else {
                 return Err(system.diagnose(state, iterations));
             };
-            let length = d.norm();
+            let (length, promise) = (d.norm(), system.promise());
             let mut a = Vector3::zeros();
             if length > CURVED_M {
                 system.curvatures(&here.seen, &d, &mut there.right);
@@ -366,7 +367,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
                 },
             });
             (position, clocks, phi) = (next, clocks_next, phi_next);
-            if mu * length < EPS {
+            if mu * length < EPS || promise < system.rounding {
                 if let Some(row) = system.coincident(&position) {
                     return Err(Failure::Coincident { row });
                 }

@@ -1,0 +1,276 @@
+//! Wrong observations: an error that names the cause, or both places; never a silent fix, never a panic.
+
+use crate::sky::{Skies, Walker};
+use libtest_mimic::{Failed, Trial};
+use nalgebra::Vector3;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use sdr_rx::gnss::constants::EARTH_RADIUS;
+use sdr_rx::positioning::bancroft::bancroft;
+use sdr_rx::positioning::model::{Doppler, LineOfSight, ObservationModel, Pseudorange, Satellite};
+use sdr_rx::positioning::observations::{Both, Observed, Sigma};
+use sdr_rx::positioning::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
+use sdr_rx::positioning::solver::{SOLVER_NAMES, Solver};
+
+pub fn trials() -> Vec<Trial> {
+    vec![
+        Trial::test("impossible_observations_are_refused_by_every_solver", refusals),
+        Trial::test("satellites_in_one_plane_give_both_places_or_none", plane),
+        Trial::test("one_faulty_satellite_is_said", fault),
+        Trial::test("a_clock_of_a_second_does_not_move_the_place", clock),
+        Trial::test("derivatives_are_those_of_the_predictions", derivatives),
+        Trial::test("both_roots_are_places_with_the_same_pseudoranges", roots),
+        Trial::test("a_trace_says_why_steps_were_damped", trace),
+    ]
+}
+
+/// Every solver by name, with sensible numbers.
+fn solvers() -> Vec<Solver> {
+    SOLVER_NAMES
+        .split(", ")
+        .map(|name| name.replace("MU0", "0.08").replace("ALPHA", "0.1").replace("BETA", "0.99"))
+        .map(|name| name.parse().expect("a name of the list"))
+        .collect()
+}
+
+fn ensure(holds: bool, what: impl Fn() -> String) -> Result<(), Failed> {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+/// Six satellites of the paper's constellation over a random place.
+fn sky() -> (Vec<Satellite>, Vector3<f64>, Vec<f64>, Vec<f64>) {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let skies = Skies::new(&Walker::GALILEO_LIKE, 1, &mut rng);
+    let draw = skies.draw(&mut rng, 0.0..=0.0, 6);
+    let ranges = draw.observe::<Pseudorange>(&mut rng, 4e4, 1.0);
+    let rates = draw.observe::<Doppler>(&mut rng, 200.0, 0.1);
+    (draw.satellites, draw.truth, ranges, rates)
+}
+
+fn refusals() -> Result<(), Failed> {
+    let (satellites, _, ranges, rates) = sky();
+    for solver in solvers() {
+        let solve = |satellites: &[Satellite], ranges: &[f64], sigma: Sigma| {
+            let rows = Observed::<Pseudorange>::new(satellites, ranges).with_sigma(sigma);
+            solver.solve(&rows, |_| ())
+        };
+        let metre = Sigma::Same(1.0);
+        let few = solve(&satellites[..3], &ranges, metre);
+        ensure(few == Err(Failure::Observations { rows: 3, needed: 4 }), || {
+            format!("{solver}: {few:?}")
+        })?;
+        for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut broken = ranges.clone();
+            broken[2] = wrong;
+            let value = solve(&satellites, &broken, metre);
+            ensure(value == Err(Failure::NotFinite { row: 2, what: "value" }), || {
+                format!("{solver}: {value:?}")
+            })?;
+            let mut lost = satellites.clone();
+            lost[4].position_m.y = wrong;
+            let place = solve(&lost, &ranges, metre);
+            ensure(
+                place == Err(Failure::NotFinite { row: 4, what: "satellite position" }),
+                || format!("{solver}: {place:?}"),
+            )?;
+        }
+        for sigma in [0.0, -1.0, f64::NAN] {
+            let refused = solve(&satellites, &ranges, Sigma::Same(sigma));
+            ensure(refused == Err(Failure::NotFinite { row: 0, what: "deviation" }), || {
+                format!("{solver}: {refused:?}")
+            })?;
+        }
+        // All at one point: nothing can come of it, and no solver may say otherwise.
+        let heap = [satellites[0]; 6];
+        let heaped = solve(&heap, &[ranges[0]; 6], metre);
+        ensure(heaped.is_err(), || format!("{solver}: {heaped:?}"))?;
+        let both = Both {
+            pseudoranges: Observed::new(&satellites, &ranges),
+            dopplers: Observed::new(&satellites, &rates),
+        };
+        let unweighted = solver.solve(&both, |_| ());
+        let bancroft = solver == Solver::Bancroft;
+        ensure(unweighted == Err(Failure::NoDeviation) || bancroft, || {
+            format!("{solver}: {unweighted:?}")
+        })?;
+    }
+    let dopplers = Observed::<Doppler>::new(&satellites, &rates);
+    let refused = Solver::Bancroft.solve(&dopplers, |_| ());
+    ensure(refused == Err(Failure::PseudorangesOnly { solver: "bancroft" }), || {
+        format!("{refused:?}")
+    })?;
+    // A satellite where the receiver is: as if its position were that of the antenna.
+    let (mut here, truth, mut ranges, _) = sky();
+    here[3].position_m = truth;
+    ranges[3] = 4e4;
+    let rows = Observed::<Pseudorange>::new(&here, &ranges).with_sigma(Sigma::Same(1.0));
+    for solver in [Solver::Best, Solver::Vp, Solver::AwDgnBt, Solver::Bancroft] {
+        let fix = solver.solve(&rows, |_| ());
+        println!("{solver}, a satellite at the receiver: {fix:?}");
+        ensure(fix.is_err(), || format!("{solver}: {fix:?}"))?;
+    }
+    // One at the Earth's centre, as a missing orbit of zeros.
+    let (mut zero, _, ranges, _) = sky();
+    zero[1].position_m = Vector3::zeros();
+    let rows = Observed::<Pseudorange>::new(&zero, &ranges);
+    let centre = Solver::AwDgnBt.solve(&rows, |_| ());
+    ensure(centre == Err(Failure::Coincident { row: 1 }), || format!("{centre:?}"))
+}
+
+/// Satellites of one orbital plane: a place beside it has a mirror image on the Earth, and a place within
+/// it no direction across. Noise of 1 m, the test's places 2000 km apart.
+fn plane() -> Result<(), Failed> {
+    let along = |angle: f64| Satellite {
+        position_m: 26.6e6 * Vector3::new(angle.cos(), angle.sin(), 0.0),
+        velocity_mps: 3.9e3 * Vector3::new(-angle.sin(), angle.cos(), 0.0),
+    };
+    let satellites: Vec<Satellite> = [-0.9, -0.5, -0.1, 0.3, 0.8].map(along).to_vec();
+    let beside = EARTH_RADIUS * Vector3::new(0.97, 0.2, (1.0 - 0.97f64.powi(2) - 0.04).sqrt());
+    let mirrored = beside.component_mul(&Vector3::new(1.0, 1.0, -1.0));
+    let both = |solver: Solver, fix: Result<_, Failure>| -> Result<(), Failed> {
+        let fix: sdr_rx::positioning::outcome::Solution = fix?;
+        let near = |place: &Vector3<f64>| {
+            let at = |s: &State| (s.position_m - place).norm() < 1e3;
+            at(&fix.state) || fix.alternatives.iter().any(at)
+        };
+        ensure(fix.ambiguity == Ambiguity::Several && near(&beside) && near(&mirrored), || {
+            format!("{solver}: {fix:?}")
+        })
+    };
+    let ranges: Vec<f64> =
+        satellites.iter().map(|s| Pseudorange::predict(s, &beside) + 50.0).collect();
+    let rates: Vec<f64> = satellites.iter().map(|s| Doppler::predict(s, &beside) + 50.0).collect();
+    let pseudoranges = Observed::<Pseudorange>::new(&satellites, &ranges);
+    let dopplers = Observed::<Doppler>::new(&satellites, &rates);
+    for solver in [Solver::Best, Solver::Vp] {
+        both(solver, solver.solve(&pseudoranges.with_sigma(Sigma::Same(1.0)), |_| ()))?;
+        both(solver, solver.solve(&dopplers.with_sigma(Sigma::Same(1e-3)), |_| ()))?;
+    }
+    let from_centre = Solver::AwDgnBt.solve(&pseudoranges, |_| ());
+    ensure(from_centre == Err(Failure::Coplanar), || format!("{from_centre:?}"))
+}
+
+/// With redundant observations a fault shows in the residuals, and the best place is given with it.
+fn fault() -> Result<(), Failed> {
+    let (satellites, _, mut ranges, mut rates) = sky();
+    ranges[1] += 5e3;
+    rates[2] += 50.0;
+    let said = |fix: Result<_, Failure>| {
+        ensure(
+            matches!(fix, Err(Failure::Inconsistent { cost, limit, .. }) if cost > limit),
+            || format!("{fix:?}"),
+        )
+    };
+    let pseudoranges = Observed::<Pseudorange>::new(&satellites, &ranges);
+    let dopplers = Observed::<Doppler>::new(&satellites, &rates);
+    for solver in [Solver::Best, Solver::Vp] {
+        said(solver.solve(&pseudoranges.with_sigma(Sigma::Same(1.0)), |_| ()))?;
+        said(solver.solve(&dopplers.with_sigma(Sigma::Same(0.1)), |_| ()))?;
+        let unknown = solver.solve(&pseudoranges, |_| ())?;
+        ensure(unknown.ambiguity == Ambiguity::Unverified, || format!("{unknown:?}"))?;
+    }
+    Ok(())
+}
+
+/// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the place
+/// moves by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
+fn clock() -> Result<(), Failed> {
+    let (satellites, _, ranges, rates) = sky();
+    let moved = |y: &[f64], by: f64| y.iter().map(|y| y + by).collect::<Vec<f64>>();
+    for name in ["aw-dgn-bt", "vp", "vp-once", "best"] {
+        let solver: Solver = name.parse()?;
+        let at = |y: &[f64]| solver.solve(&Observed::<Pseudorange>::new(&satellites, y), |_| ());
+        let rate_at = |y: &[f64]| solver.solve(&Observed::<Doppler>::new(&satellites, y), |_| ());
+        let shift = (at(&ranges)?.state.position_m
+            - at(&moved(&ranges, 299_792_458.0))?.state.position_m)
+            .norm();
+        let slow = (rate_at(&rates)?.state.position_m
+            - rate_at(&moved(&rates, 1e5))?.state.position_m)
+            .norm();
+        println!("{name}: {shift:.1e} m for a second, {slow:.1e} m for 330 ppm");
+        // The bound of the acceptance, and 1.5e-11 m/s over a gradient of 1e-4 /s.
+        ensure(shift < 1e-6 && slow < 1e-5, || format!("{name}: {shift:.1e} {slow:.1e}"))?;
+    }
+    Ok(())
+}
+
+/// Central differences: truncation is (step/range)^2, rounding 4e-9 m / step for ranges of 2e7 m and
+/// 1e-12 m/s / step for rates; of second differences 4 times that over the step again.
+fn derivatives() -> Result<(), Failed> {
+    fn check<M: ObservationModel>(step: f64, first: f64, second: f64) -> Result<(), Failed> {
+        let (satellites, truth, ..) = sky();
+        for satellite in &satellites {
+            let (value, gradient) = M::linearise(satellite, &truth);
+            let along = Vector3::new(0.48, -0.6, 0.64);
+            let at = |t: f64| M::predict(satellite, &(truth + t * along));
+            let slope = (at(step) - at(-step)) / (2.0 * step);
+            let bend = (at(step) - 2.0 * at(0.0) + at(-step)) / (step * step);
+            let sight = LineOfSight::new(satellite, &truth);
+            let ours = M::curvature(&sight, value, gradient.dot(&along), &along);
+            ensure(
+                (slope - gradient.dot(&along)).abs() < first && (bend - ours).abs() < second,
+                || format!("slope {slope} not {}, bend {bend} not {ours}", gradient.dot(&along)),
+            )?;
+        }
+        Ok(())
+    }
+    check::<Pseudorange>(1e4, 1e-6, 1e-13)?;
+    check::<Doppler>(1e4, 1e-10, 1e-16)
+}
+
+/// Four pseudoranges of a receiver in a high orbit: both roots explain them, and one is the truth.
+fn roots() -> Result<(), Failed> {
+    let (satellites, _, _, _) = sky();
+    let truth = 1.3 * satellites[0].position_m + Vector3::new(3e6, -2e6, 1e6);
+    let four = &satellites[..4];
+    let ranges: Vec<f64> = four.iter().map(|s| Pseudorange::predict(s, &truth) - 1e3).collect();
+    let (one, two) = bancroft(&Observed::<Pseudorange>::new(four, &ranges))?;
+    let two = two.ok_or("one root only")?;
+    let misfit = |s: &State| {
+        four.iter().zip(&ranges).fold(0.0f64, |worst, (satellite, y)| {
+            // A root behind the satellites explains the squares, with the sign turned.
+            let range = Pseudorange::predict(satellite, &s.position_m);
+            worst.max(((y - s.clock()).abs() - range).abs())
+        })
+    };
+    println!("misfits {:.1e} and {:.1e} m", misfit(&one), misfit(&two));
+    // Squares of 5e7 m are known to 0.25 m^2: 5e-9 m of range, times the condition of some 1e3.
+    let is_truth = |s: &State| (s.position_m - truth).norm() < 1e-2;
+    ensure(misfit(&one) < 1e-3 && misfit(&two) < 1e-3 && (is_truth(&one) || is_truth(&two)), || {
+        format!("{one:?} {two:?}")
+    })
+}
+
+/// Of the paper's setting at 160 km: the first step is blocked by the wall, the last are full.
+fn trace() -> Result<(), Failed> {
+    let (satellites, truth, ..) = sky();
+    let radius = EARTH_RADIUS + 160e3;
+    let low: Vec<Satellite> =
+        satellites.iter().map(|s| crate::sky::scaled_down(s, &truth, radius)).collect();
+    let ranges: Vec<f64> = low.iter().map(|s| Pseudorange::predict(s, &truth)).collect();
+    let rows = Observed::<Pseudorange>::new(&low, &ranges);
+    let mut steps: Vec<Step> = Vec::new();
+    let fix = Solver::AwDgnBt.solve(&rows, |step| steps.push(*step))?;
+    ensure(steps.len() == fix.iterations, || "a step for each linearisation".to_owned())?;
+    for step in &steps {
+        let (wall, cost) = match step.damped {
+            Damped::No => (0, 0),
+            Damped::Cost(cost) => (0, cost),
+            Damped::Wall(wall) => (wall, 0),
+            Damped::Both { wall, cost } => (wall, cost),
+            other => return Err(format!("{other:?} in AW-DGN-BT").into()),
+        };
+        ensure(step.mu == 0.5f64.powi((wall + cost) as i32), || format!("{step:?}"))?;
+    }
+    let walled = |s: &Step| matches!(s.damped, Damped::Wall(_) | Damped::Both { .. });
+    ensure(walled(&steps[0]) && steps[steps.len() - 1].damped == Damped::No, || {
+        format!("{steps:?}")
+    })?;
+    let csv = trace_csv(&steps);
+    let columns = |line: &str| line.split(',').count();
+    let header = columns(csv.lines().next().unwrap_or_default());
+    ensure(
+        csv.lines().count() == 1 + steps.len() && csv.lines().all(|line| columns(line) == header),
+        || csv.clone(),
+    )
+}
