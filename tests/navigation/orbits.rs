@@ -2,9 +2,11 @@
 
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use sdr_rx::gnss::constants::{MU_EARTH, SPEED_OF_LIGHT};
 use sdr_rx::gnss::{GpsTime, Orbit, rinex_nav, sp3, tle};
-use sdr_rx::observables::rinex_obs;
+use sdr_rx::observables::rinex_obs::{self, ObservationReader};
 use std::path::Path;
 
 /// Each observation file with its numbers of epochs, and of GPS and QZSS satellites in them.
@@ -23,6 +25,7 @@ pub fn trials() -> Vec<Trial> {
         data_trial("precise_and_broadcast_orbits_of_a_day_agree", precise_and_broadcast),
         data_trial("every_element_set_gives_its_orbit", element_sets),
         data_trial("every_observation_file_is_read_whole", observation_files),
+        data_trial("mutilated_real_files_are_read_or_refused", mutilated_files),
     ]
 }
 
@@ -119,6 +122,34 @@ fn observation_files(folder: &Path) -> Result<(), Failed> {
         let counted = (read.len(), read.iter().map(|e| e.observations.len()).sum::<usize>());
         if counted != (epochs, observations) {
             return Err(format!("{name}: {counted:?} epochs and observations").into());
+        }
+    }
+    Ok(())
+}
+
+/// The heads of real files with a few bytes changed, doubled or missing: an error or epochs, and no panic.
+fn mutilated_files(folder: &Path) -> Result<(), Failed> {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    for (name, ..) in OBSERVATION_FILES {
+        let head: Vec<u8> = std::fs::read(folder.join("obs").join(name))?[..12_000].to_vec();
+        let mut refused = 0;
+        for _ in 0..300 {
+            let mut bytes = head.clone();
+            for _ in 0..rng.random_range(1..6) {
+                let at = rng.random_range(0..bytes.len());
+                match rng.random_range(0..4) {
+                    0 => bytes[at] = rng.random(),
+                    1 => bytes[at] = b"0 9-.>\nG"[rng.random_range(0..8)],
+                    2 => drop(bytes.drain(at..(at + rng.random_range(1..90)).min(bytes.len()))),
+                    _ => bytes.truncate(at.max(100)),
+                }
+            }
+            let read = ObservationReader::new(&bytes[..], "x").map(|reader| reader.last());
+            refused += usize::from(!matches!(read, Ok(Some(Ok(_)))));
+        }
+        // Most break something: a file whose end is cut inside a record at least.
+        if refused < 100 {
+            return Err(format!("{name}: {refused} of 300 were refused").into());
         }
     }
     Ok(())
