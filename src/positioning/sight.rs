@@ -172,7 +172,8 @@ mod tests {
     #[test]
     fn derivatives_of_the_rate_agree_with_differences() {
         // Without an atmosphere, whose rate changes by a hundredth where the height changes by 800 m.
-        let nav = NavigationData { ionosphere: None, ..navigation_data() };
+        let mut nav = navigation_data();
+        nav.ionosphere = None;
         let options =
             PositioningOptions { troposphere: Troposphere::None, ..PositioningOptions::default() };
         let truth = Truth::at_rest();
