@@ -58,7 +58,13 @@ fn channel(c: &mut Criterion) {
     group.sample_size(20);
     for rate_hz in [2.6e6, 12e6] {
         let (buffer, acquisition) = one_second(rate_hz);
-        let start = TrackStart { sample: 0, acquisition, carrier_phase: 0.0, bit_edge: None };
+        let start = TrackStart {
+            sample: 0,
+            acquisition,
+            doppler_rate_hz_s: 0.0,
+            carrier_phase: 0.0,
+            bit_edge: None,
+        };
         group.throughput(Throughput::Elements(rate_hz as u64));
         group.bench_function(format!("{} MHz", rate_hz / 1e6), |b| {
             b.iter_batched(
