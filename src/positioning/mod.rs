@@ -26,9 +26,9 @@ mod snapshot;
 mod solution;
 pub mod solver;
 mod statistics;
-mod system;
 #[cfg(test)]
 mod synthetic;
+mod system;
 pub mod variable_projection;
 mod velocity;
 
