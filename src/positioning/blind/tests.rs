@@ -239,7 +239,7 @@ fn the_navigation_data_of_another_day_give_no_fix() {
 /// Windows of time, and snapshots of each: five hours either way, a day either way, a week without any time.
 const WINDOWS: [(&str, u64, Class); 3] = [
     ("5 h", 200, Class { hours: 72, taken: (24.0, 48.0), uncertainty_s: 18_000.0, ..CLASS }),
-    ("24 h", 100, CLASS),
+    ("24 h", 200, CLASS),
     ("week", 30, Class { hours: 166, taken: (0.0, 166.0), uncertainty_s: f64::INFINITY, ..CLASS }),
 ];
 
