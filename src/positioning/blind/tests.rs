@@ -240,7 +240,7 @@ fn the_navigation_data_of_another_day_give_no_fix() {
 const WINDOWS: [(&str, u64, Class); 3] = [
     ("5 h", 200, Class { hours: 72, taken: (24.0, 48.0), uncertainty_s: 18_000.0, ..CLASS }),
     ("24 h", 200, CLASS),
-    ("week", 60, Class { hours: 166, taken: (0.0, 166.0), uncertainty_s: f64::INFINITY, ..CLASS }),
+    ("week", 30, Class { hours: 166, taken: (0.0, 166.0), uncertainty_s: f64::INFINITY, ..CLASS }),
 ];
 
 /// The table of docs/snapshot.md.
