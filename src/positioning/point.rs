@@ -177,10 +177,19 @@ impl<'a> PointSolver<'a, '_> {
     fn solve_set(&mut self, set: &[Sighting<'a>]) -> Result<Adjusted<'a>, PositioningError> {
         let adjustment = self.adjustment;
         let (start, spent) = cold_start(&adjustment, set, self.trace)?;
-        let point = adjustment.solve(set.to_vec(), start, spent)?;
         let mask = adjustment.options.positioning.elevation_mask;
+        let mut set = set.to_vec();
+        if adjustment.options.observable != Observable::Pseudorange {
+            // At the horizon the atmosphere's delay changes too fast for the rate to be linearised.
+            let sights = adjustment.sights(&set, &start);
+            let mut above = sights.iter().map(|sight| sight.elevation >= mask);
+            if above.clone().filter(|above| *above).count() > 4 {
+                set.retain(|_| above.next() == Some(true));
+            }
+        }
+        let point = adjustment.solve(set.clone(), start, spent)?;
         let (above, below): (Vec<_>, Vec<_>) =
-            std::iter::zip(set, &point.sights).partition(|(_, sight)| sight.elevation >= mask);
+            std::iter::zip(&set, &point.sights).partition(|(_, sight)| sight.elevation >= mask);
         if below.is_empty() {
             return Ok(point);
         }
