@@ -65,7 +65,7 @@ const CASES: &[(&str, &str, &str, &str)] = &[
     ("elevation_mask_deg = 5.0", "satellites = []", "no satellite", ""),
     ("[orbits.walker]", "[orbits.keppler]", "unknown variant `keppler`", "line 4"),
     ("24/6/1", "24/5/1", "no Walker pattern", "line 5"),
-    ("24/6/1", "40/4/1", "no Walker pattern", "line 5"),
+    ("24/6/1", "40/7/1", "no Walker pattern", "line 5"),
     ("pattern = \"24/6/1\"", "pattern = \"24/6/1\"\nsemi_major_axis_km = 80000.0", "sqrt A", ""),
     ("latitude_deg = 48.0", "latitude_deg = 148.0", "-90 to 90 degrees", "line 7"),
     ("height_m = 500.0", "height = 500.0", "unexpected keys in table: height", "line 7"),
