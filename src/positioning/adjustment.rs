@@ -27,7 +27,6 @@ use super::robust::Robust;
 use super::sight::{Sight, Sighting};
 use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use super::statistics::chi_square_limit;
-use super::velocity::MODEL_SIGMA;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{GpsTime, NavigationData};
@@ -195,7 +194,7 @@ impl Adjustment<'_> {
                     gradient: sight.rate_gradient,
                     residual: rate - sight.range_rate(&Vector3::zeros(), state[DRIFT]),
                     noise,
-                    model: MODEL_SIGMA,
+                    model: sight.rate_sigma_mps,
                 });
             }
         }

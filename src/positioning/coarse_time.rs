@@ -15,7 +15,6 @@
 use super::SnapshotOptions;
 use super::least_squares::LeastSquares;
 use super::sight::{Sight, Sighting};
-use super::velocity::MODEL_SIGMA;
 use crate::gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{GpsTime, NavigationData};
@@ -100,7 +99,8 @@ impl CoarseTime<'_> {
                     let g = sight.rate_gradient;
                     let row = State::new(g.x, g.y, g.z, 0.0, 1.0, sight.acceleration_mps2);
                     let residual = observed - sight.range_rate(&Vector3::zeros(), state[DRIFT]);
-                    let sigma = sigma.hypot(MODEL_SIGMA).hypot(self.options.user_speed_mps);
+                    let sigma =
+                        sigma.hypot(sight.rate_sigma_mps).hypot(self.options.user_speed_mps);
                     push(row, residual, sigma);
                 }
                 let Some(integers) = integers else { continue };

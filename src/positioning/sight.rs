@@ -34,6 +34,8 @@ pub(super) struct Sight {
     static_rate_mps: f64,
     /// Rate of what the atmosphere adds to the carrier's range, m/s.
     atmosphere_rate_mps: f64,
+    /// Standard deviation of a predicted range rate, m/s.
+    pub rate_sigma_mps: f64,
     /// 1 + u.v_s/c with the satellite's inertial velocity: reception dilates transmission.
     dilation: f64,
     /// Satellite clock rate, s/s.
@@ -43,6 +45,11 @@ pub(super) struct Sight {
     /// Rate of the range rate for a receiver at rest, m/s^2 (good to 0.1 %: for linearisation only).
     pub acceleration_mps2: f64,
 }
+
+/// How well a range rate can be predicted at the zenith, m/s: satellite velocity, what the ionosphere does.
+/// Below, the atmosphere's rate may be off by all of itself: at 5 degrees that is as much again, and the
+/// signals of most simulators know no troposphere.
+const RATE_SIGMA_MPS: f64 = 0.02;
 
 impl Sight {
     /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t`.
@@ -103,6 +110,7 @@ impl Sight {
             range_sigma_m,
             static_rate_mps,
             atmosphere_rate_mps,
+            rate_sigma_mps: RATE_SIGMA_MPS.hypot(atmosphere_rate_mps),
             dilation: 1.0 + direction.dot(&inertial_mps) / SPEED_OF_LIGHT,
             clock_drift_sps: satellite.clock_drift_sps,
             rate_gradient: (direction * static_rate_mps - velocity) / path.range_m,

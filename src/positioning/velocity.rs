@@ -6,9 +6,6 @@ use super::sight::{Sight, Sighting};
 use super::statistics::chi_square_limit;
 use nalgebra::{Vector3, Vector4};
 
-/// How well a range rate can be predicted, m/s: change of the ionosphere, satellite velocity.
-pub(super) const MODEL_SIGMA: f64 = 0.02;
-
 /// How the receiver moves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
@@ -25,7 +22,7 @@ pub(super) fn motion(used: &[Sighting], sights: &[Sight]) -> Option<Motion> {
         .zip(sights)
         .filter_map(|(sighting, sight)| {
             let (rate, sigma) = sighting.range_rate()?;
-            Some((*sight, rate, sigma.hypot(MODEL_SIGMA)))
+            Some((*sight, rate, sigma.hypot(sight.rate_sigma_mps)))
         })
         .take(MAX_ROWS)
         .collect();
