@@ -283,6 +283,9 @@ fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &m
                 Err(error @ PositioningError::Unexplained { .. }) => Some(format!(
                     "{error}; a greater --time-uncertainty, such as 5h, searches further"
                 )),
+                Err(error @ PositioningError::TimeNotFound { .. }) => Some(format!(
+                    "{error}; --time narrows the search, --troposphere none suits signals simulated without one"
+                )),
                 Err(error) => Some(error.to_string()),
             }
         }
