@@ -6,8 +6,8 @@
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
 use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
-use sdr_rx::positioning::aw_dgn_bt::aw_dgn_bt;
-use sdr_rx::positioning::model::{Pseudorange, Satellite};
+use sdr_rx::positioning::solver::aw_dgn_bt::aw_dgn_bt;
+use sdr_rx::positioning::solver::model::{Pseudorange, Satellite};
 use sdr_rx::positioning::{PositioningOptions, solve_epoch};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::error::Error;
@@ -29,7 +29,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .unzip();
     let bare = aw_dgn_bt::<Pseudorange>(&satellites, &ranges)?;
-    println!("bare: {} iterations, off by {:.1e} m", bare.iterations, error_m(&bare.state.position_m));
+    println!(
+        "bare: {} iterations, off by {:.1e} m",
+        bare.iterations,
+        error_m(&bare.state.position_m)
+    );
 
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
     let observation = |s: &sdr_rx::scenario::SatelliteTruth| Observation {

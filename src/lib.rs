@@ -34,13 +34,11 @@
 //! **[`observables`]**: tracks at one instant, or a snapshot's code phases, become
 //! [`Observation`](observables::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
 //!
-//! **[`positioning`]**: every [`Solver`](positioning::solver::Solver) by its name, from the Earth's centre, on
+//! **[`positioning`]**: a [`Solver`](positioning::Solver) leads from the Earth's centre to the region by
 //! pseudoranges, Dopplers or both; then the full model, a residual test with exclusion, velocity, covariance.
-//! It knows of no files and no samples.
+//! A snapshot needs neither place nor time. It knows of no files and no samples.
 //!
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
-//!
-//! **[`experiment`]** makes figures and tables of papers again, with a verdict for each claim.
 //!
 //! **[`experiment`]**: figures of papers made again, with a verdict for each claim; sweeps over front ends.
 //!

@@ -11,7 +11,7 @@ use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::{GpsTime, NavigationData, rinex_nav, sp3};
 use sdr_rx::observables::ObservationEpoch;
 use sdr_rx::observables::rinex_obs::{self, ObservationHeader};
-use sdr_rx::positioning::outcome::{Step, trace_csv};
+use sdr_rx::positioning::solver::outcome::{Step, trace_csv};
 use sdr_rx::positioning::{
     Exclusion, Fix, Height, Observable, PositioningError, Robust, SolveOptions, Solver,
     solve_observed, solve_static,

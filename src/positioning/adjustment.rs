@@ -22,10 +22,10 @@
 use super::error::PositioningError;
 use super::least_squares::LeastSquares;
 use super::options::{Observable, SolveOptions};
-use super::outcome::{Failure, State};
 use super::robust::Robust;
 use super::sight::{Sight, Sighting};
 use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
+use super::solver::outcome::{Failure, State};
 use super::statistics::chi_square_limit;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::coordinates::Geodetic;

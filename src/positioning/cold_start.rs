@@ -6,12 +6,12 @@
 
 use super::adjustment::{Adjustment, BIAS, DRIFT, Unknowns};
 use super::error::PositioningError;
-use super::model::{Doppler, Pseudorange, Satellite};
-use super::observations::{Both, Observed, Sigma};
 use super::options::Observable;
-use super::outcome::Step;
 use super::sight::Sighting;
 use super::solver::Solver;
+use super::solver::model::{Doppler, Pseudorange, Satellite};
+use super::solver::observations::{Both, Observed, Sigma};
+use super::solver::outcome::Step;
 use crate::gnss::SatelliteState;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 
@@ -38,7 +38,10 @@ impl Column {
         self.sigmas.push(sigma);
     }
 
-    fn observed<M: super::model::ObservationModel>(&self, weighted: bool) -> Observed<'_, M> {
+    fn observed<M: super::solver::model::ObservationModel>(
+        &self,
+        weighted: bool,
+    ) -> Observed<'_, M> {
         let observed = Observed::new(&self.satellites, &self.values);
         if weighted { observed.with_sigma(Sigma::Each(&self.sigmas)) } else { observed }
     }
@@ -68,8 +71,7 @@ pub(super) fn cold_start(
     }
     let solver = adjustment.options.solver;
     // The paper's solvers are unweighted; only deviations let the others prove their result.
-    let weighted =
-        matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce);
+    let weighted = matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce);
     let solution = match adjustment.options.observable {
         Observable::Pseudorange => solver.solve(&ranges.observed::<Pseudorange>(weighted), trace),
         Observable::Doppler => solver.solve(&rates.observed::<Doppler>(weighted), trace),

@@ -1,6 +1,6 @@
 //! Why no position was found.
 
-use super::outcome::Failure;
+use super::solver::outcome::Failure;
 use crate::gnss::orbit::NoOrbit;
 use crate::gnss::{GpsTime, Sv};
 use std::fmt;

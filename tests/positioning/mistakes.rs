@@ -6,10 +6,12 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
-use sdr_rx::positioning::bancroft::bancroft;
-use sdr_rx::positioning::model::{Doppler, LineOfSight, ObservationModel, Pseudorange, Satellite};
-use sdr_rx::positioning::observations::{Both, Observed, Sigma};
-use sdr_rx::positioning::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
+use sdr_rx::positioning::solver::bancroft::bancroft;
+use sdr_rx::positioning::solver::model::{
+    Doppler, LineOfSight, ObservationModel, Pseudorange, Satellite,
+};
+use sdr_rx::positioning::solver::observations::{Both, Observed, Sigma};
+use sdr_rx::positioning::solver::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
 use sdr_rx::positioning::solver::{SOLVER_NAMES, Solver};
 
 pub fn trials() -> Vec<Trial> {
@@ -128,7 +130,7 @@ fn plane() -> Result<(), Failed> {
     let beside = EARTH_RADIUS * Vector3::new(0.97, 0.2, (1.0 - 0.97f64.powi(2) - 0.04).sqrt());
     let mirrored = beside.component_mul(&Vector3::new(1.0, 1.0, -1.0));
     let both = |solver: Solver, fix: Result<_, Failure>| -> Result<(), Failed> {
-        let fix: sdr_rx::positioning::outcome::Solution = fix?;
+        let fix: sdr_rx::positioning::solver::outcome::Solution = fix?;
         let near = |place: &Vector3<f64>| {
             let at = |s: &State| (s.position_m - place).norm() < 1e3;
             at(&fix.state) || fix.alternatives.iter().any(at)

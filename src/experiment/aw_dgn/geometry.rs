@@ -3,7 +3,7 @@
 
 use crate::gnss::constants::{EARTH_RADIUS, OMEGA_EARTH};
 use crate::gnss::coordinates::azimuth_elevation;
-use crate::positioning::model::{ObservationModel, Satellite};
+use crate::positioning::solver::model::{ObservationModel, Satellite};
 use nalgebra::Vector3;
 
 /// Gravitational constant of the Earth, m^3/s^2 (WGS 84).

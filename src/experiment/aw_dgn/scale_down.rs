@@ -4,8 +4,8 @@ use super::geometry::{Case, Shell, altitudes_m, scaled_down};
 use super::tally::{Tally, judge};
 use crate::gnss::constants::EARTH_RADIUS;
 use crate::gnss::coordinates::Geodetic;
-use crate::positioning::model::{Doppler, ObservationModel, Pseudorange, Satellite};
 use crate::positioning::solver::Solver;
+use crate::positioning::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

@@ -1,11 +1,11 @@
 //! How often a solver comes to the least-squares optimum, and in how many iterations.
 
 use super::geometry::Case;
-use crate::positioning::aw_dgn_bt::{Damping, iterate};
-use crate::positioning::model::ObservationModel;
-use crate::positioning::observations::{Observed, Sigma};
-use crate::positioning::outcome::{Ambiguity, State};
 use crate::positioning::solver::Solver;
+use crate::positioning::solver::aw_dgn_bt::{Damping, iterate};
+use crate::positioning::solver::model::ObservationModel;
+use crate::positioning::solver::observations::{Observed, Sigma};
+use crate::positioning::solver::outcome::{Ambiguity, State};
 use nalgebra::Vector3;
 use std::ops::AddAssign;
 

@@ -1,9 +1,9 @@
 //! Monte Carlo over places, subsets of satellites, clocks and time errors.
 
-use super::super::PositioningOptions;
-use super::super::synthetic::{Truth, navigation_data};
 use super::*;
 use crate::observables::Observation;
+use crate::positioning::PositioningOptions;
+use crate::positioning::synthetic::{Truth, navigation_data};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

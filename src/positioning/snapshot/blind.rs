@@ -16,14 +16,14 @@
 use super::coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
 use super::code_phases::Prediction;
 use super::doppler_time::{DopplerState, Minimum, minima};
-use super::error::PositioningError;
-use super::sight::Sighting;
-use super::snapshot::{Found, NEEDED, finish, limit};
 use super::time_window::TimeWindow;
-use super::{Fix, SnapshotOptions, TimeSearch};
+use super::{Found, NEEDED, finish, limit};
 use crate::gnss::constants::OMEGA_EARTH;
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::observables::ObservationEpoch;
+use crate::positioning::error::PositioningError;
+use crate::positioning::sight::Sighting;
+use crate::positioning::{Fix, SnapshotOptions, TimeSearch};
 use nalgebra::Vector3;
 
 /// How far beyond the edges of a cell its minima may lie, s.
@@ -90,7 +90,7 @@ impl Search<'_> {
     }
 }
 
-/// See [`super::solve_snapshot`].
+/// See [`crate::positioning::solve_snapshot`].
 pub(super) fn solve_blind(
     epoch: &ObservationEpoch,
     nav: &NavigationData,

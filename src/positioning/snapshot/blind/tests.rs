@@ -1,17 +1,17 @@
 //! Monte Carlo over places, times of a day or a week, subsets of satellites, clocks and noise.
 
-use super::super::synthetic::{Truth, navigation_data_of_hours};
-use super::super::{PositioningOptions, solve_snapshot};
 use super::*;
 use crate::gnss::coordinates::Geodetic;
 use crate::observables::{CodeRange, Observation};
+use crate::positioning::synthetic::{Truth, navigation_data_of_hours};
+use crate::positioning::{PositioningOptions, solve_snapshot};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use super::super::coarse_time::CODE_PERIOD_M;
+use crate::positioning::snapshot::coarse_time::CODE_PERIOD_M;
 
 /// One class of snapshots.
 #[derive(Clone, Copy, Debug)]

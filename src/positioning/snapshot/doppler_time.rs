@@ -13,13 +13,13 @@
 //!   within [`SHELL_M`] of the sphere.
 //! - A minimum at the edge of the cell is none: the neighbouring cell has it, or the window ends there.
 
-use super::aw_dgn_bt::aw_dgn_bt;
-use super::least_squares::LeastSquares;
-use super::model::{Doppler, Satellite};
-use super::outcome::{Failure, State};
-use super::sight::Sighting;
 use crate::gnss::GpsTime;
 use crate::gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use crate::positioning::least_squares::LeastSquares;
+use crate::positioning::sight::Sighting;
+use crate::positioning::solver::aw_dgn_bt::aw_dgn_bt;
+use crate::positioning::solver::model::{Doppler, Satellite};
+use crate::positioning::solver::outcome::{Failure, State};
 use nalgebra::{SVector, Vector3, Vector4};
 
 /// Time of flight of a signal, s, for the start.

@@ -12,12 +12,12 @@
 //! (van Diggelen, A-GPS, 2009, chapter 4, with Dopplers added), and two priors: a height of 500 m
 //! +- 2 km on WGS 84, and `tau` of 0 +- the given uncertainty.
 
-use super::SnapshotOptions;
-use super::least_squares::LeastSquares;
-use super::sight::{Sight, Sighting};
 use crate::gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{GpsTime, NavigationData};
+use crate::positioning::SnapshotOptions;
+use crate::positioning::least_squares::LeastSquares;
+use crate::positioning::sight::{Sight, Sighting};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Position, code bias, drift, time: m, m, m/s, s.

@@ -1,13 +1,24 @@
 //! Every solver by its name, as on a command line.
 
-use super::aw_dgn_bt::{Damping, iterate};
-use super::bancroft::bancroft_gn;
-use super::descent::{Descent, Direction, StepRule};
-use super::observations::Observations;
-use super::outcome::{Failure, Solution, State, Step};
-use super::variable_projection::variable_projection;
+pub mod aw_dgn_bt;
+pub mod bancroft;
+mod belief;
+pub mod descent;
+mod gram_schmidt;
+pub mod model;
+pub mod observations;
+pub mod outcome;
+mod system;
+pub mod variable_projection;
+
+use aw_dgn_bt::{Damping, iterate};
+use bancroft::bancroft_gn;
+use descent::{Descent, Direction, StepRule};
+use observations::Observations;
+use outcome::{Failure, Solution, State, Step};
 use std::fmt;
 use std::str::FromStr;
+use variable_projection::variable_projection;
 
 /// A position solver that starts without prior knowledge of the place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -31,7 +31,7 @@
 //! ```
 
 use super::coarse_time::{CODE_PERIOD_M, CoarseFix, TIME};
-use super::sight::Sighting;
+use crate::positioning::sight::Sighting;
 use nalgebra::{DMatrix, Vector3};
 
 /// Nodes of the tree that are looked at, and integers that are given, at most.

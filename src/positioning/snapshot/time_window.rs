@@ -1,10 +1,10 @@
 //! The times at which a snapshot may have been taken, as far as ephemerides cover them.
 
-use super::error::{DropReason, Dropped, PositioningError};
-use super::sight::Sighting;
-use super::snapshot::NEEDED;
+use super::NEEDED;
 use crate::gnss::{Ephemeris, GpsTime, NavigationData, Sv};
 use crate::observables::{CodeRange, ObservationEpoch};
+use crate::positioning::error::{DropReason, Dropped, PositioningError};
+use crate::positioning::sight::Sighting;
 
 /// Half a cell of time, s, at most: from there Dopplers lead to the right time (99 % with one start).
 const HALF_CELL_S: f64 = 1800.0;

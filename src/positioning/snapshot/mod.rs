@@ -1,7 +1,7 @@
 //! The position from a capture too short for its navigation message.
 //!
 //! 1. Doppler AW-DGN-BT from the Earth's centre, then Dopplers with time and a soft height
-//!    ([`super::coarse_time`]): the region, to some 10 km.
+//!    ([`coarse_time`]): the region, to some 10 km.
 //! 2. Candidates every 80 km on rings around it, and every 40 s of the time that the Dopplers leave
 //!    open, each give the whole code periods against the highest satellite; every distinct set of
 //!    integers is solved jointly with the Dopplers.
@@ -9,9 +9,12 @@
 //!    come near it: a wrong integer leaves residuals of kilometres, and is refused. If no set of
 //!    integers passes, one and then two satellites are left out, as long as six remain.
 
-use super::blind::solve_blind;
-use super::coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
-use super::doppler_time::{from_the_centre, satellites, seeds};
+mod blind;
+mod coarse_time;
+mod code_phases;
+mod doppler_time;
+mod time_window;
+
 use super::error::PositioningError;
 use super::least_squares::LeastSquares;
 use super::selection::select;
@@ -23,11 +26,14 @@ use crate::gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, SPEED_OF_LIGHT};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{NavigationData, Sv};
 use crate::observables::{CodeRange, ObservationEpoch};
+use blind::solve_blind;
+use coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
+use doppler_time::{from_the_centre, satellites, seeds};
 use nalgebra::{Matrix4, SVector, Vector3};
 use std::collections::BTreeSet;
 
 /// Unknowns of the code phases: position, bias and time.
-pub(super) const NEEDED: usize = 5;
+const NEEDED: usize = 5;
 /// With this many satellites the integers still prove themselves after a search over exclusions.
 const NEEDED_AFTER_EXCLUSION: usize = 6;
 /// Most satellites that are left out.
@@ -112,10 +118,10 @@ fn choices(n: usize, count: usize) -> Vec<Vec<usize>> {
 
 /// A solution with its integers, and the iterations spent since the Earth's centre.
 #[derive(Clone)]
-pub(super) struct Found {
-    pub fix: CoarseFix,
-    pub integers: Vec<i32>,
-    pub iterations: usize,
+struct Found {
+    fix: CoarseFix,
+    integers: Vec<i32>,
+    iterations: usize,
 }
 
 impl Found {
@@ -135,7 +141,7 @@ impl Found {
 }
 
 /// Largest cost of `rows` rows: their mean and four standard deviations.
-pub(super) fn limit(rows: usize) -> f64 {
+fn limit(rows: usize) -> f64 {
     let rows = rows as f64;
     rows + 4.0 * (2.0 * rows).sqrt()
 }
@@ -252,7 +258,7 @@ fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, 
 }
 
 /// Applies the elevation mask and the last checks, and makes the fix.
-pub(super) fn finish(
+fn finish(
     problem: &CoarseTime,
     epoch: &ObservationEpoch,
     set: &[Sighting],
