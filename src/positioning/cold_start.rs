@@ -11,7 +11,7 @@ use super::sight::Sighting;
 use super::solver::Solver;
 use super::solver::model::{Doppler, Pseudorange, Satellite};
 use super::solver::observations::{Both, Observed, Sigma};
-use super::solver::outcome::Step;
+use super::solver::outcome::{Failure, State, Step};
 use crate::gnss::SatelliteState;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 
@@ -47,12 +47,23 @@ impl Column {
     }
 }
 
-/// State and linearisations of the solver that the options name. `trace` sees each accepted step.
+/// Where a bare solver leads.
+pub(super) struct ColdStart {
+    pub state: Unknowns,
+    /// Linearisations spent.
+    pub iterations: usize,
+    /// The solver that did it.
+    pub solver: Solver,
+    /// Other places that fit as well.
+    pub alternatives: Vec<Unknowns>,
+}
+
+/// By the solver that the options name. `trace` sees each accepted step.
 pub(super) fn cold_start(
     adjustment: &Adjustment,
     set: &[Sighting],
     trace: &mut dyn FnMut(&Step),
-) -> Result<(Unknowns, usize), PositioningError> {
+) -> Result<ColdStart, PositioningError> {
     let (mut ranges, mut rates) = (Column::default(), Column::default());
     let time = adjustment.receive_time;
     for s in set {
@@ -73,21 +84,41 @@ pub(super) fn cold_start(
     // The paper's solvers are unweighted; only deviations let the others prove their result.
     let weighted = matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce);
     let solution = match adjustment.options.observable {
-        Observable::Pseudorange => solver.solve(&ranges.observed::<Pseudorange>(weighted), trace),
-        Observable::Doppler => solver.solve(&rates.observed::<Doppler>(weighted), trace),
+        Observable::Pseudorange => {
+            solver.solve_by(&ranges.observed::<Pseudorange>(weighted), trace)
+        }
+        Observable::Doppler => solver.solve_by(&rates.observed::<Doppler>(weighted), trace),
         Observable::Both if rates.values.is_empty() => {
-            solver.solve(&ranges.observed::<Pseudorange>(weighted), trace)
+            solver.solve_by(&ranges.observed::<Pseudorange>(weighted), trace)
         }
         Observable::Both => {
             let both = Both { pseudoranges: ranges.observed(true), dopplers: rates.observed(true) };
-            solver.solve(&both, trace)
+            solver.solve_by(&both, trace)
         }
     };
-    let solution =
-        solution.map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
-    let place = solution.state.position_m;
-    let mut state = Unknowns::new(place.x, place.y, place.z, 0.0, 0.0);
-    state[BIAS] = solution.state.bias_m.unwrap_or(0.0);
-    state[DRIFT] = solution.state.drift_mps.unwrap_or(0.0);
-    Ok((state, solution.iterations))
+    let (solver, solution) = match solution {
+        Ok(solved) => solved,
+        // Whether satellites contradict each other is for the full model to say.
+        Err(Failure::Inconsistent { state, iterations, .. }) => {
+            let solver = if solver == Solver::Best { Solver::Vp } else { solver };
+            let state = unknowns(&state);
+            return Ok(ColdStart { state, iterations, solver, alternatives: Vec::new() });
+        }
+        Err(cause) => return Err(PositioningError::Diverged { satellites: set.len(), cause }),
+    };
+    Ok(ColdStart {
+        state: unknowns(&solution.state),
+        iterations: solution.iterations,
+        solver,
+        alternatives: solution.alternatives.iter().map(unknowns).collect(),
+    })
+}
+
+/// A place with its clock terms, 0 where there is none.
+fn unknowns(state: &State) -> Unknowns {
+    let place = state.position_m;
+    let mut unknowns = Unknowns::new(place.x, place.y, place.z, 0.0, 0.0);
+    unknowns[BIAS] = state.bias_m.unwrap_or(0.0);
+    unknowns[DRIFT] = state.drift_mps.unwrap_or(0.0);
+    unknowns
 }

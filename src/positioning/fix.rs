@@ -80,6 +80,8 @@ pub struct Fix {
     pub time_search: Option<TimeSearch>,
     /// Name of the solver, such as `aw-dgn-bt`.
     pub solver: &'static str,
+    /// Other places that explain the observations as well, m, ECEF: four satellites can have two.
+    pub alternatives_m: Vec<Vector3<f64>>,
     /// Linearisations from the Earth's centre to convergence.
     pub iterations: usize,
 }

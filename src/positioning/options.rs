@@ -102,7 +102,7 @@ impl Default for SolveOptions {
         Self {
             positioning: PositioningOptions::default(),
             observable: Observable::default(),
-            solver: Solver::AwDgnBt,
+            solver: Solver::Best,
             robust: Robust::default(),
             exclusion: Exclusion::default(),
             height: None,

@@ -6,12 +6,13 @@
 //! false alarm) guards the result; a satellite without which it passes is excluded if one more than there
 //! are unknowns is left.
 
-use super::adjustment::{Adjusted, Adjustment, BIAS, DRIFT, position};
-use super::cold_start::cold_start;
+use super::adjustment::{Adjusted, Adjustment, BIAS, DRIFT, Unknowns, position};
+use super::cold_start::{ColdStart, cold_start};
 use super::error::{DropReason, Dropped, PositioningError};
 use super::options::{Exclusion, Observable, SolveOptions};
 use super::selection::select_by;
 use super::sight::Sighting;
+use super::solver::Solver;
 use super::solver::outcome::Step;
 use super::velocity::motion;
 use super::{Fix, FixMethod, PositioningOptions, Residual};
@@ -21,7 +22,7 @@ use crate::observables::{CodeRange, Observation, ObservationEpoch};
 use nalgebra::{Matrix4, Vector3};
 
 /// Position, velocity, clock and what a person needs to trust them, from the full pseudoranges (and
-/// Dopplers, where they are numbers) of one epoch, by AW-DGN-BT from the Earth's centre.
+/// Dopplers, where they are numbers) of one epoch, from the Earth's centre.
 ///
 /// # Errors
 /// [`PositioningError`] names the cause: too few usable satellites, stale ephemerides, divergence,
@@ -51,9 +52,12 @@ pub fn solve_observed(
 ) -> Result<Fix, PositioningError> {
     let sightings = sightings(epoch, nav, options.observable)?;
     let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
-    let mut solver = PointSolver { adjustment, trace };
+    let mut solver =
+        PointSolver { adjustment, trace, solver: options.solver, alternatives: Vec::new() };
     let (point, excluded) = solver.solve_with_exclusion(sightings)?;
-    Ok(fix(&point, epoch.sample, excluded, options))
+    let alternatives = solver.other_places(&point);
+    let solver = solver.solver.name();
+    Ok(Fix { solver, alternatives_m: alternatives, ..fix(&point, epoch.sample, excluded, options) })
 }
 
 /// The observations of an epoch that the observable needs and that have an orbit.
@@ -127,14 +131,21 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
         },
         time_search: None,
         solver: options.solver.name(),
+        alternatives_m: Vec::new(),
         iterations: point.iterations,
     }
 }
+
+/// Places farther apart than this are two, m.
+const DISTINCT_M: f64 = 1e3;
 
 /// A solver of sets of satellites of one epoch.
 struct PointSolver<'a, 't> {
     adjustment: Adjustment<'a>,
     trace: &'t mut dyn FnMut(&Step),
+    /// The bare solver that led to the last set's solution, and the other places that fitted it.
+    solver: Solver,
+    alternatives: Vec<Unknowns>,
 }
 
 impl<'a> PointSolver<'a, '_> {
@@ -173,10 +184,22 @@ impl<'a> PointSolver<'a, '_> {
         }
     }
 
+    /// Other places near the ground that explain the satellites of a solution as well.
+    fn other_places(&self, point: &Adjusted<'a>) -> Vec<Vector3<f64>> {
+        let refined = |start: &Unknowns| {
+            let other = self.adjustment.solve(point.used.clone(), *start, 0).ok()?;
+            (other.contradiction() <= 1.0).then(|| position(&other.state))
+        };
+        let distinct = |place: &Vector3<f64>| (place - position(&point.state)).norm() > DISTINCT_M;
+        self.alternatives.iter().filter_map(refined).filter(distinct).collect()
+    }
+
     /// From the Earth's centre to the full model, above the elevation mask.
     fn solve_set(&mut self, set: &[Sighting<'a>]) -> Result<Adjusted<'a>, PositioningError> {
         let adjustment = self.adjustment;
-        let (start, spent) = cold_start(&adjustment, set, self.trace)?;
+        let ColdStart { state: start, iterations: spent, solver, alternatives } =
+            cold_start(&adjustment, set, self.trace)?;
+        (self.solver, self.alternatives) = (solver, alternatives);
         let mask = adjustment.options.positioning.elevation_mask;
         let mut set = set.to_vec();
         if adjustment.options.observable != Observable::Pseudorange {

@@ -105,6 +105,9 @@ struct FixRecord {
     hdop: f64,
     vdop: f64,
     residuals: Vec<ResidualRecord>,
+    /// Other places that explain the observations as well, ECEF.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    alternatives_ecef_m: Vec<[f64; 3]>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     excluded: Vec<Sv>,
 }
@@ -213,6 +216,7 @@ impl FixRecord {
             hdop: fix.hdop,
             vdop: fix.vdop,
             residuals: residuals.collect(),
+            alternatives_ecef_m: fix.alternatives_m.iter().map(|&place| place.into()).collect(),
             excluded: fix.excluded.clone(),
         }
     }

@@ -120,6 +120,13 @@ pub fn fix_table(run: &Run) -> String {
             s.pdop, last.hdop, last.vdop
         ),
     );
+    let ambiguous = run.fixes.iter().filter(|f| !f.alternatives_m.is_empty()).count();
+    if ambiguous > 0 {
+        line(
+            "ambiguous",
+            format!("{ambiguous} of {}: another place explains as few satellites as well", s.fixes),
+        );
+    }
     if !last.excluded.is_empty() {
         let names: Vec<String> = last.excluded.iter().map(ToString::to_string).collect();
         line("excluded", names.join(" "));

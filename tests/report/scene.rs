@@ -127,6 +127,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         excluded: Vec::new(),
         method: FixMethod::Tracking,
         time_search: None,
+        alternatives_m: Vec::new(),
         solver: "aw-dgn-bt",
         iterations: 9,
     }

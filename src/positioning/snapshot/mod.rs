@@ -344,6 +344,7 @@ fn finish(
         method: FixMethod::Snapshot,
         solver: "aw-dgn-bt",
         time_search: None,
+        alternatives_m: Vec::new(),
         iterations: found.iterations,
     })
 }

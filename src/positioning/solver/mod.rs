@@ -81,7 +81,30 @@ impl Solver {
     pub fn solve<O: Observations>(
         &self,
         observations: &O,
+        trace: impl FnMut(&Step),
+    ) -> Result<Solution, Failure> {
+        self.solve_by(observations, trace).map(|(_, solution)| solution)
+    }
+
+    /// The same, with the solver that did it: `best` takes one or the other.
+    ///
+    /// # Errors
+    /// As [`Solver::solve`].
+    pub fn solve_by<O: Observations>(
+        &self,
+        observations: &O,
         mut trace: impl FnMut(&Step),
+    ) -> Result<(Self, Solution), Failure> {
+        if *self == Self::Best {
+            return best(observations, trace);
+        }
+        self.run(observations, &mut trace).map(|solution| (*self, solution))
+    }
+
+    fn run<O: Observations>(
+        &self,
+        observations: &O,
+        trace: &mut impl FnMut(&Step),
     ) -> Result<Solution, Failure> {
         let damping = match *self {
             Self::Gn => Damping::GN,
@@ -89,15 +112,14 @@ impl Solver {
             Self::AdgnBt => Damping::ADGN_BT,
             Self::AwDgn(mu0) => Damping::aw_dgn(mu0),
             Self::AwDgnBt => Damping::AW_DGN_BT,
-            Self::Best => return best(observations, trace),
-            Self::Vp => return variable_projection(observations, true, trace),
+            Self::Best | Self::Vp => return variable_projection(observations, true, trace),
             Self::VpOnce => return variable_projection(observations, false, trace),
             Self::Bancroft => return bancroft_gn(observations, trace),
             Self::Descent(descent) => {
                 return descent.solve(observations, &State::CENTRE, trace);
             }
         };
-        iterate(observations, &damping, &State::CENTRE, &mut trace)
+        iterate(observations, &damping, &State::CENTRE, trace)
     }
 }
 
@@ -111,19 +133,21 @@ impl Solver {
     }
 }
 
+/// Bancroft's solution for pseudoranges alone; variable projection for all else and where that fails.
 fn best<O: Observations>(
     observations: &O,
     mut trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
+) -> Result<(Solver, Solution), Failure> {
     let mut spent = 0;
     if observations.rows()[1] == 0 {
         match bancroft_gn(observations, &mut trace) {
             Err(cause) if !cause.is_of_the_input() => spent = cause.iterations(),
-            other => return other,
+            other => return other.map(|solution| (Solver::Bancroft, solution)),
         }
     }
     let solution = variable_projection(observations, true, trace)?;
-    Ok(Solution { iterations: spent + solution.iterations, ..solution })
+    let iterations = spent + solution.iterations;
+    Ok((Solver::Vp, Solution { iterations, ..solution }))
 }
 
 impl fmt::Display for Solver {
