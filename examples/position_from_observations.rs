@@ -1,7 +1,5 @@
 //! Positioning alone, without a sample: the bare iteration from the Earth's centre, and the receiver's
-//! full model, on pseudoranges and Dopplers of a scenario's sky.
-//!
-//! `cargo run --release --example position_from_observations`
+//! full model: `cargo run --release --example position_from_observations`
 
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
@@ -9,7 +7,7 @@ use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::positioning::solver::aw_dgn_bt::aw_dgn_bt;
 use sdr_rx::positioning::solver::model::{Pseudorange, Satellite};
 use sdr_rx::positioning::{PositioningOptions, solve_epoch};
-use sdr_rx::scenario::{Scenario, ScenarioSource};
+use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -36,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
 
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
-    let observation = |s: &sdr_rx::scenario::SatelliteTruth| Observation {
+    let observation = |s: &SatelliteTruth| Observation {
         sv: s.sv,
         range: CodeRange::Pseudorange(s.pseudorange_m),
         range_sigma_m: 1.0,
