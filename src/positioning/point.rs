@@ -187,8 +187,11 @@ impl<'a> PointSolver<'a, '_> {
     /// Other places near the ground that explain the satellites of a solution as well.
     fn other_places(&self, point: &Adjusted<'a>) -> Vec<Vector3<f64>> {
         let refined = |start: &Unknowns| {
-            let other = self.adjustment.solve(point.used.clone(), *start, 0).ok()?;
-            (other.contradiction() <= 1.0).then(|| position(&other.state))
+            match self.adjustment.solve(point.used.clone(), *start, 0) {
+                Ok(other) => (other.contradiction() <= 1.0).then(|| position(&other.state)),
+                // Too weak a geometry for a fix of its own: still a place that fits.
+                Err(_) => Some(position(start)),
+            }
         };
         let distinct = |place: &Vector3<f64>| (place - position(&point.state)).norm() > DISTINCT_M;
         self.alternatives.iter().filter_map(refined).filter(distinct).collect()
