@@ -3,6 +3,8 @@
 use super::experiment_aw_dgn;
 use super::experiment_front_end;
 use super::experiment_lda_l11;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::{IsTerminal, stderr};
 use std::process::ExitCode;
 
 /// Experiments: tables, CSV and plots, with theory beside them
@@ -26,4 +28,13 @@ pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
         Name::LdaL11(args) => experiment_lda_l11::run(args),
         Name::FrontEnd(args) => experiment_front_end::run(args),
     }
+}
+
+/// A progress bar of a thousand steps on a terminal, nothing elsewhere.
+pub(super) fn thousandths() -> anyhow::Result<ProgressBar> {
+    if !stderr().is_terminal() {
+        return Ok(ProgressBar::hidden());
+    }
+    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?;
+    Ok(ProgressBar::new(1000).with_style(style))
 }

@@ -1,10 +1,9 @@
 //! `sdr-rx experiment aw-dgn`: the figures and tables of the paper on AW-DGN-BT.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use super::experiment::thousandths;
 use sdr_rx::experiment::aw_dgn::{self, Effort};
 use sdr_rx::experiment::claim::{claim_csv, claim_table};
 use sdr_rx::report::{OutputDir, write_atomically};
-use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -24,12 +23,7 @@ pub struct AwDgn {
 
 /// Prints the verdicts, and writes files where asked.
 pub fn run(args: &AwDgn) -> anyhow::Result<ExitCode> {
-    let bar = if stderr().is_terminal() {
-        ProgressBar::new(1000)
-            .with_style(ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?)
-    } else {
-        ProgressBar::hidden()
-    };
+    let bar = thousandths()?;
     let effort = if args.quick { Effort::QUICK } else { Effort::FULL };
     let outcome = aw_dgn::run(effort, &|share| bar.set_position((1000.0 * share) as u64));
     bar.finish_and_clear();

@@ -1,11 +1,10 @@
 //! `sdr-rx experiment lda-l11`: the figures of the paper on JANE.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use super::experiment::thousandths;
 use sdr_rx::experiment::claim::{claim_csv, claim_table};
 use sdr_rx::experiment::detection::{DetectionOptions, detection};
 use sdr_rx::experiment::lda_l11::{self, Effort};
 use sdr_rx::report::{OutputDir, write_atomically};
-use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -25,12 +24,7 @@ pub struct LdaL11 {
 
 /// Prints the verdicts, and writes files where asked.
 pub fn run(args: &LdaL11) -> anyhow::Result<ExitCode> {
-    let bar = if stderr().is_terminal() {
-        ProgressBar::new(1000)
-            .with_style(ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?)
-    } else {
-        ProgressBar::hidden()
-    };
+    let bar = thousandths()?;
     let effort = if args.quick { Effort::QUICK } else { Effort::FULL };
     let mut outcome = lda_l11::run(effort, &|share| bar.set_position((800.0 * share) as u64))?;
     let (trials, noise_runs) = if args.quick { (2, 20) } else { (30, 3000) };
