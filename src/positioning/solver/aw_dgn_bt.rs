@@ -38,7 +38,7 @@
 use super::belief::WALL_M;
 pub use super::model::{Doppler, ObservationModel, Pseudorange, Satellite};
 use super::observations::{Observations, Observed};
-use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
+use super::outcome::{Damped, Failure, Solution, State, Step};
 use super::system::{Clocks, MAX_ROWS, System, unseen};
 use crate::gnss::constants::EARTH_RADIUS;
 use nalgebra::Vector3;
@@ -168,16 +168,7 @@ fn run<O: Observations, const N: usize>(
             if let Some(row) = system.coincident(&position) {
                 return Err(Failure::Coincident { row });
             }
-            return Ok(Solution {
-                state,
-                cost: phi,
-                covariance: system.covariance(),
-                iterations,
-                search_iterations: 0,
-                restarts: 0,
-                alternatives: Alternatives::default(),
-                ambiguity: Ambiguity::Unverified,
-            });
+            return Ok(Solution::untested(state, phi, system.covariance(), iterations));
         }
     }
     Err(Failure::TooSlow { state: system.state(position, clocks), iterations: K_MAX })

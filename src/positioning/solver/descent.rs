@@ -18,7 +18,7 @@
 //! `sigma^2/m (H^T H)^-1`: give the [mean](mean_of_epochs) and the deviation `sigma/sqrt(m)`.
 
 use super::observations::Observations;
-use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
+use super::outcome::{Damped, Failure, Solution, State, Step};
 use super::system::{MAX_ROWS, System, unseen};
 use nalgebra::{Vector3, Vector5};
 
@@ -123,16 +123,7 @@ impl Descent {
             };
             let gauss_newton = join(&dr, dc);
             if gauss_newton.norm() < self.tolerance_m {
-                return Ok(Solution {
-                    state,
-                    cost,
-                    covariance: system.covariance(),
-                    iterations,
-                    search_iterations: 0,
-                    restarts: 0,
-                    alternatives: Alternatives::default(),
-                    ambiguity: Ambiguity::Unverified,
-                });
+                return Ok(Solution::untested(state, cost, system.covariance(), iterations));
             }
             let (gradient, diagonal) = system.gradient(&seen, &right);
             let direction = match self.direction {

@@ -86,6 +86,27 @@ pub struct Solution {
     pub ambiguity: Ambiguity,
 }
 
+impl Solution {
+    /// Of a solver that makes no test and looks for no other place.
+    pub(super) fn untested(
+        state: State,
+        cost: f64,
+        covariance: Matrix3<f64>,
+        iterations: usize,
+    ) -> Self {
+        Self {
+            state,
+            cost,
+            covariance,
+            iterations,
+            search_iterations: 0,
+            restarts: 0,
+            alternatives: Alternatives::default(),
+            ambiguity: Ambiguity::Unverified,
+        }
+    }
+}
+
 /// Why there is no position.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Failure {

@@ -245,7 +245,7 @@ const WINDOWS: [(&str, u64, Class); 3] = [
 
 /// The table of docs/snapshot.md.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "half an hour: makes the table of the page anew, with --ignored"]
 fn table() {
     for (name, runs, class) in WINDOWS {
         for doppler_sigma_hz in [1.0, 5.0, 25.0] {
