@@ -93,6 +93,7 @@ pub mod experiment;
 pub mod front_end;
 pub mod gnss;
 pub mod navigation;
+pub mod network;
 pub mod observables;
 pub mod positioning;
 pub mod receiver;

@@ -1,0 +1,20 @@
+//! Many receivers, no centre: each node of a graph of receivers talks to its neighbours only, and arrives at the
+//! least-squares solution that a centre would have computed.
+//!
+//! A receiver's observations become a [`LinearModel`], that its [`Normals`]; a [`Graph`] with its [`Constraints`]
+//! says who talks to whom; a [`Node`](consensus::Node) is the state machine at each place, whose messages any
+//! transport may carry.
+
+pub mod admm;
+pub mod consensus;
+pub mod constraints;
+mod error;
+mod graph;
+pub mod info;
+mod linear_model;
+pub mod message;
+
+pub use constraints::Constraints;
+pub use error::NetworkError;
+pub use graph::Graph;
+pub use linear_model::{Datum, LinearModel, Normals, Solution};
