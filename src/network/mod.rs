@@ -13,6 +13,7 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod wire;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;
