@@ -13,6 +13,9 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod plan;
+pub mod sim;
+pub mod tree;
 pub mod wire;
 
 pub use constraints::Constraints;

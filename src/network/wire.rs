@@ -282,7 +282,7 @@ mod tests {
         (0..NODES).map(node).collect()
     }
 
-    fn exchange(nodes: &mut Nodes) {
+    fn exchange_packets(nodes: &mut Nodes) {
         let said: Vec<_> = nodes.iter().flat_map(Node::messages).collect();
         for (to, message) in said {
             let packet = encode(&header(), &message);
@@ -357,8 +357,8 @@ mod tests {
                     }
                 }
             }
-            exchange(&mut assaulted);
-            exchange(&mut in_peace);
+            exchange_packets(&mut assaulted);
+            exchange_packets(&mut in_peace);
         }
         let bits = |nodes: &Nodes| -> Vec<u64> {
             nodes.iter().flat_map(|node| node.estimate()).map(|x| x.to_bits()).collect()
