@@ -15,6 +15,7 @@ mod linear_model;
 pub mod message;
 pub mod plan;
 pub mod sim;
+pub mod solver;
 pub mod tree;
 
 pub use constraints::Constraints;
