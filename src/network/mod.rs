@@ -14,6 +14,9 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod plan;
+pub mod sim;
+pub mod tree;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;
