@@ -6,6 +6,7 @@
 //! transport may carry.
 
 pub mod admm;
+pub mod code_bias;
 pub mod consensus;
 pub mod constraints;
 mod error;
