@@ -6,6 +6,7 @@
 //! transport may carry.
 
 pub mod admm;
+pub mod code_bias;
 pub mod consensus;
 pub mod constraints;
 mod error;
@@ -15,6 +16,7 @@ mod linear_model;
 pub mod message;
 pub mod plan;
 pub mod sim;
+pub mod solver;
 pub mod tree;
 pub mod wire;
 
