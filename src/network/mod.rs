@@ -6,6 +6,7 @@
 //! transport may carry.
 
 pub mod admm;
+pub mod code_bias;
 pub mod consensus;
 pub mod constraints;
 mod error;
@@ -13,6 +14,10 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod plan;
+pub mod sim;
+pub mod solver;
+pub mod tree;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;
