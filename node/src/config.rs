@@ -31,7 +31,8 @@ pub struct NodeFile {
     /// When it moves.
     #[serde(default)]
     pub mode: Mode,
-    /// Over-relaxation; 1.3 for asynchronous nodes, the network file's for synchronous ones.
+    /// Over-relaxation; else the network file's; else 1.3 for asynchronous nodes, and planned from the graph for
+    /// synchronous ones.
     pub relaxation: Option<f64>,
     /// Shortest time between two moves; 5 for asynchronous nodes, 0 for synchronous ones.
     pub pace_ms: Option<u64>,
@@ -190,7 +191,7 @@ impl Setup {
     pub fn relaxation(&self) -> f64 {
         let usual = match self.file.mode {
             Mode::Synchronous => self.network.relaxation,
-            Mode::Asynchronous => 1.3,
+            Mode::Asynchronous => self.network.file.relaxation.unwrap_or(1.3),
         };
         self.file.relaxation.unwrap_or(usual)
     }

@@ -160,6 +160,7 @@ impl<'a> Member<'a> {
     fn record<'s>(&'s self, state: &'s str) -> Record<'s> {
         let estimate = self.setup.network.agreement.read(self.participant.estimate()).ok();
         let estimate = estimate.filter(|_| self.round > 0);
+        let residuals = self.participant.residuals();
         let solution = estimate.as_ref().and_then(|estimate| estimate.solution());
         Record {
             node: self.setup.id,
@@ -169,7 +170,8 @@ impl<'a> Member<'a> {
             round: self.round,
             sigma: solution.map(|solution| solution.sigma().as_slice().to_vec()),
             x: estimate.as_ref().map(|estimate| estimate.x().as_slice().to_vec()),
-            residuals: self.participant.residuals(),
+            primal: residuals.primal,
+            dual: residuals.dual,
             live: &self.live,
             missing: self.missing().collect(),
             packets: &self.packets,

@@ -1,7 +1,6 @@
 //! What the node says of itself: JSON Lines.
 
 use anyhow::{Context, Result};
-use sdr_rx::network::consensus::Residuals;
 use sdr_rx::network::wire::Refused;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -44,9 +43,10 @@ pub struct Record<'a> {
     /// Its standard deviations, where the solver knows them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Vec<f64>>,
-    /// How far from agreement the node is; absent for the tree, which does not iterate.
-    #[serde(flatten)]
-    pub residuals: Option<Residuals>,
+    /// The largest |x_i - z_s| of the last move, in the units of what is agreed on.
+    pub primal: f64,
+    /// The largest |z_s - z_s before|.
+    pub dual: f64,
     /// Neighbours that are heard of.
     pub live: &'a BTreeSet<usize>,
     /// Neighbours that are not.
