@@ -84,6 +84,8 @@ pub struct NetworkSetup {
     pub agreement: Agreement,
     /// Over-relaxation of nodes in step.
     pub relaxation: f64,
+    /// What remains of a disagreement after a round, where the settings were planned.
+    pub radius: Option<f64>,
 }
 
 impl NetworkSetup {
@@ -141,7 +143,24 @@ impl NetworkSetup {
         };
         let (solver, datum, parameters) = (file.solver, file.datum.into(), file.parameters.len());
         let agreement = Agreement { graph, constraints, solver, rho, datum, parameters };
-        Ok(Self { file, path: path.into(), agreement, relaxation })
+        let radius = planned.filter(|_| file.rho.is_none() && file.relaxation.is_none());
+        let radius = radius.map(|plan| plan.radius);
+        Ok(Self { file, path: path.into(), agreement, relaxation, radius })
+    }
+
+    /// Rounds, or ticks of nodes with clocks of their own, that leave a billionth of a disagreement; for the
+    /// paper's solver, whose speed depends on the observations, 2000.
+    pub fn default_rounds(&self, asynchronous: bool) -> u64 {
+        let nodes = self.agreement.graph.nodes() as u64;
+        let in_step = match self.agreement.solver {
+            Solver::Info => {
+                self.radius.map_or(200, |radius| (1e-9f64.ln() / radius.ln()) as u64 + 1)
+            }
+            Solver::Admm => 2000,
+            Solver::Tree => nodes,
+        };
+        // Two exchanges a round, each of a few ticks.
+        if asynchronous { 12 * in_step } else { in_step }
     }
 
     /// Number of the node of this name.

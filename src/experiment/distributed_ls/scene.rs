@@ -154,6 +154,11 @@ impl Scene {
         receivers(&self.stations, self.turn(epoch))
     }
 
+    /// Standard deviation of an observation at this sine of the elevation, m.
+    pub fn sigma_m(sine: f64) -> f64 {
+        CODE_SIGMA_M * COMBINATION.sqrt() / sine
+    }
+
     /// Satellites in view of a station, ascending, with the sine of their elevation.
     pub fn view(&self, station: usize, epoch: usize) -> Vec<(usize, f64)> {
         view(&self.stations[station], self.turn(epoch))
@@ -176,8 +181,8 @@ impl Scene {
         let mut model =
             |station: usize| {
                 let view = self.view(station, epoch);
-                let variance = CODE_SIGMA_M.powi(2) * COMBINATION;
-                let weights: Vec<f64> = view.iter().map(|(_, s)| s * s / variance).collect();
+                let weights: Vec<f64> =
+                    view.iter().map(|(_, sine)| Self::sigma_m(*sine).powi(-2)).collect();
                 let design = DMatrix::from_fn(view.len(), SATELLITES, |k, j| {
                     if view[k].0 == j { 1.0 } else { 0.0 }
                 });
