@@ -14,9 +14,12 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod monitor;
 pub mod plan;
+pub mod quality;
 pub mod sim;
 pub mod solver;
+pub mod stopping;
 pub mod tree;
 
 pub use constraints::Constraints;
