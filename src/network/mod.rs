@@ -9,13 +9,18 @@ pub mod admm;
 pub mod code_bias;
 pub mod consensus;
 pub mod constraints;
+pub mod corrections;
 mod error;
+pub mod filter;
 mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod nonlinear;
 pub mod plan;
 pub mod sim;
+#[cfg(test)]
+mod test_scene;
 pub mod tree;
 
 pub use constraints::Constraints;
