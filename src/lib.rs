@@ -94,6 +94,7 @@ pub mod front_end;
 pub mod gnss;
 pub mod navigation;
 pub mod network;
+pub mod network_file;
 pub mod observables;
 pub mod positioning;
 pub mod receiver;

@@ -9,6 +9,9 @@ mod experiment_lda_l11;
 mod info;
 mod input;
 mod look;
+mod network;
+mod network_make;
+mod network_run;
 mod output;
 mod process;
 mod receive;
@@ -33,6 +36,7 @@ enum Command {
     Experiment(experiment::Experiment),
     Look(look::Look),
     Info(info::Info),
+    Network(network::Network),
     Simulate(simulate::Simulate),
     Solve(solve::Solve),
 }
@@ -45,6 +49,7 @@ pub fn main() -> ExitCode {
         Command::Experiment(args) => experiment::run(&args),
         Command::Look(args) => look::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Network(args) => network::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Solve(args) => solve::run(&args),
     };

@@ -3,6 +3,7 @@
 pub mod aw_dgn;
 pub mod claim;
 pub mod detection;
+pub mod distributed_ls;
 pub mod front_end;
 pub mod lda_l11;
 pub mod scene;

@@ -19,6 +19,7 @@ pub mod message;
 pub mod nonlinear;
 pub mod plan;
 pub mod sim;
+pub mod solver;
 #[cfg(test)]
 mod test_scene;
 pub mod tree;

@@ -1,8 +1,8 @@
 //! The network in one process: the same state machines, with a transport that is known to the last message.
 
 use super::NetworkError;
-use super::consensus::{Node, Proximal, Received};
-use super::message::Message;
+use super::consensus::{Node, Proximal, Received, Residuals};
+use super::message::{Message, News};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -18,6 +18,10 @@ pub trait Participant {
     fn messages(&self) -> Vec<(usize, Message)>;
     /// What it holds the network's value for.
     fn estimate(&self) -> &[f64];
+    /// How far from agreement it was at its last step.
+    fn residuals(&self) -> Residuals;
+    /// What its messages pass on from now on beside the estimation.
+    fn set_news(&mut self, news: News);
 }
 
 impl<P: Proximal> Participant for Node<P> {
@@ -35,6 +39,40 @@ impl<P: Proximal> Participant for Node<P> {
 
     fn estimate(&self) -> &[f64] {
         Node::estimate(self)
+    }
+
+    fn residuals(&self) -> Residuals {
+        Node::residuals(self)
+    }
+
+    fn set_news(&mut self, news: News) {
+        self.news = news;
+    }
+}
+
+impl<P: Participant + ?Sized> Participant for Box<P> {
+    fn receive(&mut self, message: &Message) -> Received {
+        (**self).receive(message)
+    }
+
+    fn step(&mut self) -> bool {
+        (**self).step()
+    }
+
+    fn messages(&self) -> Vec<(usize, Message)> {
+        (**self).messages()
+    }
+
+    fn estimate(&self) -> &[f64] {
+        (**self).estimate()
+    }
+
+    fn residuals(&self) -> Residuals {
+        (**self).residuals()
+    }
+
+    fn set_news(&mut self, news: News) {
+        (**self).set_news(news);
     }
 }
 

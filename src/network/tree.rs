@@ -5,7 +5,7 @@
 //! sum of all, exactly. Messages are absolute, so that loss only delays. But no detour leads around a dead node.
 
 use super::Graph;
-use super::consensus::Received;
+use super::consensus::{Received, Residuals};
 use super::message::{Body, Message, News};
 use super::sim::Participant;
 
@@ -17,6 +17,9 @@ pub struct TreeNode {
     branches: Vec<Branch>,
     sequence: u64,
     total: Vec<f64>,
+    /// The largest change of the total at the last step; infinite until every branch was heard.
+    shift: f64,
+    news: News,
 }
 
 /// What lies behind a neighbour.
@@ -34,7 +37,15 @@ impl TreeNode {
         let branch =
             |&neighbour: &usize| Branch { neighbour, heard: None, sum: vec![0.0; own.len()] };
         let branches = tree.neighbours(id).iter().map(branch).collect();
-        Self { id, branches, sequence: first_sequence, total: own.clone(), own }
+        Self {
+            id,
+            branches,
+            sequence: first_sequence,
+            total: own.clone(),
+            own,
+            shift: f64::INFINITY,
+            news: News::default(),
+        }
     }
 
     /// Whether something was heard from every branch.
@@ -69,6 +80,8 @@ impl Participant for TreeNode {
             total.iter_mut().zip(&branch.sum).for_each(|(total, sum)| *total += sum);
         }
         self.sequence += 1;
+        let shifts = total.iter().zip(&self.total).map(|(a, b)| (a - b).abs());
+        self.shift = if self.complete() { shifts.fold(0.0, f64::max) } else { f64::INFINITY };
         self.total = total;
         true
     }
@@ -82,12 +95,20 @@ impl Participant for TreeNode {
             });
             let body = Body::PartialSum { sum };
             let (sender, sequence) = (self.id as u32, self.sequence);
-            (branch.neighbour, Message { sender, sequence, body, news: News::default() })
+            (branch.neighbour, Message { sender, sequence, body, news: self.news })
         };
         self.branches.iter().map(to).collect()
     }
 
     fn estimate(&self) -> &[f64] {
         &self.total
+    }
+
+    fn residuals(&self) -> Residuals {
+        Residuals { primal: 0.0, dual: self.shift }
+    }
+
+    fn set_news(&mut self, news: News) {
+        self.news = news;
     }
 }
