@@ -1,6 +1,7 @@
 //! What the node says of itself: JSON Lines.
 
 use anyhow::{Context, Result};
+use sdr_rx::network::message::Suspect;
 use sdr_rx::network::wire::Refused;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,6 +48,10 @@ pub struct Record<'a> {
     pub primal: f64,
     /// The largest |z_s - z_s before|.
     pub dual: f64,
+    /// Whether all nodes are near agreement.
+    pub settled: bool,
+    /// Observations that the network has named as faulty.
+    pub named: &'a [Suspect],
     /// Neighbours that are heard of.
     pub live: &'a BTreeSet<usize>,
     /// Neighbours that are not.
