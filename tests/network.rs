@@ -1,5 +1,7 @@
 //! Receivers without a centre: against reference networks, and on links that lose and delay.
 
+#[path = "network/command.rs"]
+mod command;
 mod common;
 #[path = "network/reference.rs"]
 mod reference;
@@ -7,6 +9,6 @@ mod reference;
 use libtest_mimic::Arguments;
 
 fn main() {
-    let groups = [reference::trials()];
+    let groups = [reference::trials(), command::trials()];
     libtest_mimic::run(&Arguments::from_args(), groups.into_iter().flatten().collect()).exit();
 }
