@@ -1,12 +1,14 @@
 //! Receivers without a centre: against reference networks, and on links that lose and delay.
 
 mod common;
+#[path = "network/quality.rs"]
+mod quality;
 #[path = "network/reference.rs"]
 mod reference;
 
 use libtest_mimic::Arguments;
 
 fn main() {
-    let groups = [reference::trials()];
+    let groups = [reference::trials(), quality::trials()];
     libtest_mimic::run(&Arguments::from_args(), groups.into_iter().flatten().collect()).exit();
 }
