@@ -19,7 +19,8 @@ pub enum Weight {
 }
 
 impl Weight {
-    fn matrix(&self, p: usize) -> DMatrix<f64> {
+    /// W in p parameters.
+    pub(super) fn matrix(&self, p: usize) -> DMatrix<f64> {
         match self {
             Self::Scalar(rho) => DMatrix::identity(p, p) * *rho,
             Self::Matrix(w) => w.clone(),

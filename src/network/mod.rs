@@ -9,17 +9,23 @@ pub mod admm;
 pub mod code_bias;
 pub mod consensus;
 pub mod constraints;
+pub mod corrections;
 mod error;
+pub mod filter;
 mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
 pub mod monitor;
+pub mod nonlinear;
 pub mod plan;
 pub mod quality;
 pub mod sim;
 pub mod solver;
+pub mod station;
 pub mod stopping;
+#[cfg(test)]
+mod test_scene;
 pub mod tree;
 
 pub use constraints::Constraints;

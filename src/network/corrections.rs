@@ -1,0 +1,236 @@
+//! Common corrections for receivers of one frequency.
+//!
+//! A station whose place is known sees in each pseudorange, beside its own clock, what is wrong with the satellite
+//! for everybody in the region: orbit, clock, ionosphere, troposphere. With the clock eliminated this is the
+//! model of satellite biases again, and the network estimates the corrections as it does biases. A receiver
+//! beside the network then subtracts them, and weighs each satellite by how well its correction is known.
+//!
+//! A satellite that nobody sees, and the constant that could move to the clocks, are left to an a-priori weight of
+//! which each of the n stations carries 1/n: the sum over the network holds it once.
+
+use super::nonlinear::pseudoranges_about;
+use super::{Datum, LinearModel, NetworkError, Normals, Solution};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// Standard deviation a priori of a correction where nothing else is known, m.
+pub const PRIOR_SIGMA_M: f64 = 10.0;
+
+/// A pseudorange of one of the network's satellites.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranging {
+    /// Which satellite: the place of its correction among the parameters, from 0.
+    pub satellite: usize,
+    /// Where it was when it sent, in the frame of the instant of reception, ECEF, m.
+    pub position_m: Vector3<f64>,
+    /// The pseudorange, the satellite's clock and what else is modelled removed, m.
+    pub pseudorange_m: f64,
+    /// Standard deviation of what belongs to this observation alone, m.
+    pub sigma_m: f64,
+}
+
+/// A station's normal equations of the corrections of all `satellites`, m, as they add to pseudoranges: from its
+/// known place (ECEF, m), its own clock eliminated, with its share 1 / `stations` of the weight a priori.
+///
+/// # Errors
+/// [`NetworkError::WrongSize`] when an observation is of a satellite beyond the last.
+pub fn station_normals(
+    place_m: &Vector3<f64>,
+    observed: &[Ranging],
+    satellites: usize,
+    prior_sigma_m: f64,
+    stations: usize,
+) -> Result<Normals, NetworkError> {
+    check(observed, satellites)?;
+    let design = DMatrix::from_fn(observed.len(), satellites, |k, satellite| {
+        f64::from(u8::from(observed[k].satellite == satellite))
+    });
+    let residual = |o: &Ranging| o.pseudorange_m - (o.position_m - place_m).norm();
+    let residuals = DVector::from_iterator(observed.len(), observed.iter().map(residual));
+    let weights: Vec<f64> = observed.iter().map(|o| o.sigma_m.powi(-2)).collect();
+    let mut normals = LinearModel::with_receiver_bias(design, residuals, &weights).normals();
+    let share = 1.0 / stations as f64;
+    for satellite in 0..satellites {
+        normals.matrix[(satellite, satellite)] += share * prior_sigma_m.powi(-2);
+    }
+    normals.freedom += share * satellites as f64;
+    Ok(normals)
+}
+
+/// A position (ECEF, m) from pseudoranges and the network's corrections, by Gauss-Newton from `start_m`, the clock
+/// eliminated. The observations' covariance is that of the noise plus that of the corrections.
+///
+/// # Errors
+/// [`NetworkError::WrongSize`] for a satellite without a correction, [`NetworkError::Singular`] when the
+/// satellites do not determine a position or no solution is found in 30 steps.
+pub fn position(
+    start_m: &Vector3<f64>,
+    observed: &[Ranging],
+    corrections: &Solution,
+) -> Result<Solution, NetworkError> {
+    check(observed, corrections.x.len())?;
+    let m = observed.len();
+    let of = |k: usize| observed[k].satellite;
+    let mut covariance = DMatrix::from_fn(m, m, |j, k| corrections.covariance[(of(j), of(k))]);
+    for (k, o) in observed.iter().enumerate() {
+        covariance[(k, k)] += o.sigma_m * o.sigma_m;
+    }
+    let weight = covariance.cholesky().ok_or(NetworkError::Singular(m))?.inverse();
+    let summed = weight.column_sum();
+    let weight = &weight - &summed * summed.transpose() / summed.sum();
+    let satellites_m: Vec<Vector3<f64>> = observed.iter().map(|o| o.position_m).collect();
+    let corrected: Vec<f64> =
+        observed.iter().map(|o| o.pseudorange_m - corrections.x[o.satellite]).collect();
+    let mut position_m = *start_m;
+    for _ in 0..30 {
+        let about = pseudoranges_about(&position_m, &satellites_m, &corrected, &vec![1.0; m]);
+        let model = LinearModel { weight: weight.clone(), ..about };
+        let step = model.normals().solve(Datum::Observed)?;
+        position_m += &step.x;
+        if step.x.norm() < 1e-6 {
+            let x = DVector::from_column_slice(position_m.as_slice());
+            return Ok(Solution { x, ..step });
+        }
+    }
+    Err(NetworkError::Singular(3))
+}
+
+fn check(observed: &[Ranging], satellites: usize) -> Result<(), NetworkError> {
+    match observed.iter().find(|o| o.satellite >= satellites) {
+        None => Ok(()),
+        Some(o) => {
+            let what = "the number of an observed satellite".into();
+            Err(NetworkError::WrongSize { what, found: o.satellite, expected: satellites })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::consensus::{Node, NodeOptions};
+    use super::super::plan::{self, Plan};
+    use super::super::{Constraints, info, sim, test_scene};
+    use super::*;
+    use rand::RngExt;
+    use rand::seq::IndexedRandom;
+    use rand_chacha::ChaCha8Rng;
+    use rayon::prelude::*;
+    use std::f64::consts::TAU;
+
+    const SATELLITES: usize = 9;
+    const NOISE_M: f64 = 0.6;
+    const COMMON_M: f64 = 3.0;
+
+    /// A place, and nine satellites anywhere in its sky above 10 deg.
+    fn sky(random: &mut ChaCha8Rng) -> (Vector3<f64>, Vec<Vector3<f64>>) {
+        let place = Vector3::x() * test_scene::EARTH_M;
+        let satellite = |_| {
+            let up: f64 = random.random_range(10f64.to_radians().sin()..1.0);
+            let (north, east) = random.random_range(0.0..TAU).sin_cos();
+            let across = (1.0 - up * up).sqrt();
+            place + 2.2e7 * Vector3::new(up, across * east, across * north)
+        };
+        (place, (0..SATELLITES).map(satellite).collect())
+    }
+
+    fn observe(
+        place_m: &Vector3<f64>,
+        seen: &[usize],
+        sky: &[Vector3<f64>],
+        common_m: &[f64],
+        random: &mut ChaCha8Rng,
+    ) -> Vec<Ranging> {
+        let clock_m = 1e5 * test_scene::normal(random);
+        let mut ranging = |&satellite: &usize| {
+            let range_m = (sky[satellite] - place_m).norm();
+            let noise_m = NOISE_M * test_scene::normal(random);
+            let pseudorange_m = range_m + clock_m + common_m[satellite] + noise_m;
+            Ranging { satellite, position_m: sky[satellite], pseudorange_m, sigma_m: NOISE_M }
+        };
+        seen.iter().map(&mut ranging).collect()
+    }
+
+    /// What a receiver beside nine stations gets, as (squared 3-D error, error normalised by its covariance):
+    /// without corrections, with those of its node's ten averages, with a centre's, with the true ones.
+    fn trial(seed: u64, constraints: &Constraints, plan: &Plan) -> [(f64, f64); 4] {
+        let random = &mut test_scene::stream(11, seed);
+        let (middle, sky) = sky(random);
+        let common_m: Vec<f64> =
+            (0..SATELLITES).map(|_| COMMON_M * test_scene::normal(random)).collect();
+        let all: Vec<usize> = (0..SATELLITES).collect();
+        let station = |_| {
+            let place = test_scene::place_near(&middle, 0.03, random);
+            let count = random.random_range(3..=6);
+            let seen: Vec<usize> = all.sample(random, count).copied().collect();
+            let observed = observe(&place, &seen, &sky, &common_m, random);
+            station_normals(&place, &observed, SATELLITES, PRIOR_SIGMA_M, 9).unwrap()
+        };
+        let stations: Vec<Normals> = (0..9).map(station).collect();
+        let mut sum = Normals::none(SATELLITES);
+        stations.iter().for_each(|station| sum.add(station));
+
+        let options = NodeOptions { relaxation: plan.relaxation, ..NodeOptions::default() };
+        let node = |id: usize| {
+            let own = info::pack(&stations[id]);
+            let problem = info::Average { own, rho: plan.rho };
+            Node::new(id, constraints, problem, options).unwrap()
+        };
+        let mut nodes: Vec<_> = (0..9).map(node).collect();
+        (0..10).for_each(|_| sim::iterate(&mut nodes));
+        let mean = info::unpack(nodes[8].estimate(), SATELLITES).unwrap();
+
+        let place = test_scene::place_near(&middle, 0.03, random);
+        let observed = observe(&place, &all, &sky, &common_m, random);
+        let none = Solution {
+            x: DVector::zeros(SATELLITES),
+            covariance: DMatrix::zeros(SATELLITES, SATELLITES),
+            misfit: 0.0,
+            freedom: 0.0,
+        };
+        let perfect = Solution { x: DVector::from_column_slice(&common_m), ..none.clone() };
+        let averaged = mean.scaled(9.0).solve(Datum::Observed).unwrap();
+        let central = sum.solve(Datum::Observed).unwrap();
+        [none, averaged, central, perfect].map(|corrections| {
+            let found = position(&(place * 1.001), &observed, &corrections).unwrap();
+            let error = found.x - DVector::from_column_slice(place.as_slice());
+            let precision = found.covariance.cholesky().unwrap();
+            (error.norm_squared(), error.dot(&precision.solve(&error)))
+        })
+    }
+
+    #[test]
+    fn a_receiver_beside_the_network_gains_what_the_stations_know() {
+        const TRIALS: u32 = 1000;
+        let constraints = test_scene::nine();
+        let plan = plan::plan(&constraints).unwrap();
+        let trial = |seed: u32| trial(seed.into(), &constraints, &plan);
+        let trials: Vec<_> = (0..TRIALS).into_par_iter().map(trial).collect();
+        let mean = |of: fn(&(f64, f64)) -> f64, k: usize| {
+            trials.iter().map(|trial| of(&trial[k])).sum::<f64>() / f64::from(TRIALS)
+        };
+        let [without, with, central, bound] = [0, 1, 2, 3].map(|k| mean(|e| e.0, k).sqrt());
+        assert!(without > 5.0 && with < 1.8 && bound < with, "{without} {with} {bound} m");
+        // Ten averages leave what is far below the noise.
+        assert!((with - central).abs() < 0.01 * central);
+        // The mean of chi-squares of 3 degrees, to four of its deviations.
+        let allowed = 4.0 * (6.0 / f64::from(TRIALS)).sqrt();
+        for k in [1, 3] {
+            assert!((mean(|e| e.1, k) - 3.0).abs() < allowed, "{}", mean(|e| e.1, k));
+        }
+    }
+
+    #[test]
+    fn a_satellite_that_nobody_sees_keeps_its_weight_a_priori() {
+        let random = &mut test_scene::stream(5, 0);
+        let (place, sky) = sky(random);
+        let seen: Vec<usize> = (0..8).collect();
+        let observed = observe(&place, &seen, &sky, &[0.0; SATELLITES], random);
+        let mut sum = Normals::none(SATELLITES);
+        for _ in 0..3 {
+            sum.add(&station_normals(&place, &observed, SATELLITES, PRIOR_SIGMA_M, 3).unwrap());
+        }
+        let corrections = sum.solve(Datum::Observed).unwrap();
+        assert!((corrections.sigma()[8] - PRIOR_SIGMA_M).abs() < 1e-9);
+        assert!(station_normals(&place, &observed, 7, PRIOR_SIGMA_M, 3).is_err());
+        assert!(position(&place, &observed[..3], &corrections).is_err());
+    }
+}
