@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use sdr_rx::network::consensus::{NodeOptions, Received, Rule};
 use sdr_rx::network::message::Body;
 use sdr_rx::network::sim::Participant;
+use sdr_rx::network::station::Station;
 use sdr_rx::network::wire::{self, Header};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,7 +24,7 @@ const NAP: Duration = Duration::from_millis(50);
 pub struct Member<'a> {
     setup: &'a Setup,
     header: Header,
-    participant: Box<dyn Participant + Send>,
+    station: Station,
     round: u64,
     live: BTreeSet<usize>,
     packets: Packets,
@@ -41,15 +42,15 @@ impl<'a> Member<'a> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH)?;
         let first_sequence = now.as_nanos() as u64;
         let options = NodeOptions { relaxation: setup.relaxation(), rule, first_sequence };
-        let normals = network.model(setup.id)?.normals();
-        let participant = network.agreement.participant(setup.id, &normals, options)?;
+        let model = network.model(setup.id)?;
+        let station = Station::new(setup.id, &network.agreement, model, options)?;
         let (name, parameters) = (&network.file.name, &network.file.parameters);
-        let numbers = participant.estimate().len();
+        let numbers = station.estimate().len();
         let nodes = network.file.node.len();
         Ok(Self {
             header: Header::new(name, parameters, setup.file.epoch, nodes, numbers),
             setup,
-            participant,
+            station,
             round: 0,
             live: BTreeSet::new(),
             packets: Packets::default(),
@@ -78,7 +79,7 @@ impl<'a> Member<'a> {
             let resting = self.setup.file.rounds.is_some_and(|rounds| self.round >= rounds);
             let now = Instant::now();
             let due = now >= next_move && !waiting;
-            if due && !resting && self.participant.step() {
+            if due && !resting && self.station.step() {
                 self.round += 1;
                 progress = now;
                 next_move = now + self.setup.pace();
@@ -126,7 +127,7 @@ impl<'a> Member<'a> {
             return;
         }
         match wire::decode(packet, &self.header) {
-            Ok(message) => match self.participant.receive(&message) {
+            Ok(message) => match self.station.receive(&message) {
                 Received::Taken => packets.taken += 1,
                 Received::Old => packets.old += 1,
                 Received::Foreign => packets.foreign += 1,
@@ -138,7 +139,7 @@ impl<'a> Member<'a> {
     /// Says what is new, or everything.
     fn speak(&mut self, engine: &mut Engine, everything: bool) -> Result<()> {
         let mut star_is_told = false;
-        for (neighbour, message) in self.participant.messages() {
+        for (neighbour, message) in self.station.messages() {
             let to = match message.body {
                 Body::Consensus { .. } => Address::Star,
                 Body::State { .. } | Body::PartialSum { .. } => Address::Neighbour(neighbour),
@@ -158,9 +159,9 @@ impl<'a> Member<'a> {
     }
 
     fn record<'s>(&'s self, state: &'s str) -> Record<'s> {
-        let estimate = self.setup.network.agreement.read(self.participant.estimate()).ok();
+        let estimate = self.station.read().ok();
         let estimate = estimate.filter(|_| self.round > 0);
-        let residuals = self.participant.residuals();
+        let residuals = self.station.residuals();
         let solution = estimate.as_ref().and_then(|estimate| estimate.solution());
         Record {
             node: self.setup.id,
@@ -172,6 +173,8 @@ impl<'a> Member<'a> {
             x: estimate.as_ref().map(|estimate| estimate.x().as_slice().to_vec()),
             primal: residuals.primal,
             dual: residuals.dual,
+            named: self.station.named(),
+            excluded: self.station.excluded(),
             live: &self.live,
             missing: self.missing().collect(),
             packets: &self.packets,

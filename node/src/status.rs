@@ -1,6 +1,7 @@
 //! What the node says of itself: JSON Lines.
 
 use anyhow::{Context, Result};
+use sdr_rx::network::message::Suspect;
 use sdr_rx::network::wire::Refused;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,6 +48,12 @@ pub struct Record<'a> {
     pub primal: f64,
     /// The largest |z_s - z_s before|.
     pub dual: f64,
+    /// Observations that the network has named as faulty.
+    #[serde(skip_serializing_if = "<[Suspect]>::is_empty")]
+    pub named: &'a [Suspect],
+    /// This node's observations that it has taken out, counted from 0.
+    #[serde(skip_serializing_if = "<[usize]>::is_empty")]
+    pub excluded: &'a [usize],
     /// Neighbours that are heard of.
     pub live: &'a BTreeSet<usize>,
     /// Neighbours that are not.
