@@ -174,6 +174,7 @@ impl<'a> Member<'a> {
             dual: residuals.dual,
             settled: self.station.settled(),
             named: self.station.named(),
+            excluded: self.station.excluded(),
             live: &self.live,
             missing: self.missing().collect(),
             packets: &self.packets,

@@ -51,7 +51,11 @@ pub struct Record<'a> {
     /// Whether all nodes are near agreement.
     pub settled: bool,
     /// Observations that the network has named as faulty.
+    #[serde(skip_serializing_if = "<[Suspect]>::is_empty")]
     pub named: &'a [Suspect],
+    /// This node's observations that it has taken out, counted from 0.
+    #[serde(skip_serializing_if = "<[usize]>::is_empty")]
+    pub excluded: &'a [usize],
     /// Neighbours that are heard of.
     pub live: &'a BTreeSet<usize>,
     /// Neighbours that are not.

@@ -80,7 +80,6 @@ fn laws() -> Result<(), Failed> {
     let observation = percent(|c| c.rejected, tested);
     let power = percent(|c| c.found, draws.len());
     let misfit = draws.iter().map(|c| c.misfit).sum::<f64>() / draws.len() as f64;
-    println!("model {model} %, w {observation} %, power {power} %, T/dof {misfit}");
     // Standard deviations of shares of 2000 draws: 0.22 % of 1 %, 0.9 % of 80 %; of some 7e5 statistics, 0.004 %
     // of 0.1 % if independent. The bounds are two, three and eight of them; T/dof sqrt(2 / 267 / 2000) = 0.002.
     assert!((0.5..1.5).contains(&model), "model test: {model} %");
@@ -207,18 +206,21 @@ fn one_fault(datum: Datum, seed: u64, twins: bool) -> Result<(), Failed> {
             break;
         }
     }
-    println!("seed {seed}, twins {twins}: exchanges {exchanges:?}, {excluded:?}");
     let [(who, observations)] = &excluded[..] else {
         return Err(format!("seed {seed}: taken out were {excluded:?}").into());
     };
-    assert_eq!((*who, observations.contains(&at)), (station, true), "seed {seed}, station {station}");
+    assert_eq!(
+        (*who, observations.contains(&at)),
+        (station, true),
+        "seed {seed}, station {station}"
+    );
     assert_eq!(observations.len(), if twins { 2 } else { 1 });
     for named in &named {
         let culprit = named.map(|s| (s.node as usize, s.observation as usize));
         assert_eq!(culprit, Some((station, observations[0])), "seed {seed}");
     }
     assert!(exchanges[1] > 0, "seed {seed}: not everybody finds the rest credible");
-    // Back within its precision: every node has the centre's solution without the fault, to a hundredth of a
+    // Back within its precision: every node has the centre's solution without the fault, to a twentieth of a
     // standard deviation, and that is as good as the scene's noise.
     models[station] = models[station].without(observations[0]);
     let exact = centre(&models, datum)?;
@@ -246,7 +248,8 @@ fn fault() -> Result<(), Failed> {
 fn in_order() -> Result<(), Failed> {
     let (datum, scene) = (Datum::Observed, Scene::new(Layout::Bridges, 2)?);
     let run = |seed: u64| -> Result<usize, NetworkError> {
-        let mut network = Network::new(&scene, &scene.models(0, datum, &mut SplitMix64::new(seed)), datum)?;
+        let mut network =
+            Network::new(&scene, &scene.models(0, datum, &mut SplitMix64::new(seed)), datum)?;
         let mut taken_out = 0;
         for _ in 0..300 {
             network.exchange()?;

@@ -43,7 +43,10 @@ pub struct Record {
     pub round: u64,
     pub x: Option<Vec<f64>>,
     pub settled: bool,
+    #[serde(default)]
     pub named: Vec<Suspect>,
+    #[serde(default)]
+    pub excluded: Vec<usize>,
     pub live: Vec<usize>,
     pub missing: Vec<usize>,
     pub packets: Packets,

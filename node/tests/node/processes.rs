@@ -146,6 +146,7 @@ fn a_false_observation_is_named_by_every_process_and_the_solution_goes_on_withou
     };
     let all = |_: &Network| (0..NODES).all(|k| named(k) == Some((vec![(STATION as u32, 0)], true)));
     let took = network.until(10, |network| all(network) && network.all_within(1e-6));
+    assert_eq!(network.status(STATION).unwrap().excluded, [0]);
     println!("false observation: named by all and left out after {took:.2?}");
 }
 
