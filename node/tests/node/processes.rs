@@ -30,8 +30,7 @@ fn all_rest(network: &Network) -> bool {
 
 #[test]
 fn in_step_and_besieged_by_strangers_they_arrive_at_what_one_process_computes_bit_for_bit() {
-    let mut network =
-        Network::new(&format!("mode = 'synchronous'\nrounds = {ROUNDS}\npace_ms = 5"));
+    let mut network = Network::new(&format!("mode = 'synchronous'\nrounds = {ROUNDS}"));
     let start = Instant::now();
     (0..NODES).for_each(|k| network.start(k));
     let address = network.setup.file.node[CENTRAL_HUB].address.clone().unwrap();
@@ -109,7 +108,7 @@ fn by_their_own_clocks_they_are_within_1_mm_in_10_s_without_loss_and_at_10_and_5
 
 #[test]
 fn in_step_they_are_within_1_mm_in_10_s() {
-    let network = Network::new("mode = 'synchronous'\npace_ms = 2").started();
+    let network = Network::new("mode = 'synchronous'\npace_ms = 1").started();
     let to_1_mm = network.until(10, |network| network.all_within(1e-3));
     println!("in step: 1 mm after {to_1_mm:.2?}");
 }
@@ -117,7 +116,7 @@ fn in_step_they_are_within_1_mm_in_10_s() {
 #[test]
 fn a_station_and_a_hub_that_were_killed_are_missed_by_nobody_s_solution_and_heal_after_a_restart() {
     for mode in ["asynchronous", "synchronous"] {
-        let mut network = Network::new(&format!("mode = '{mode}'\npace_ms = 5")).started();
+        let mut network = Network::new(&format!("mode = '{mode}'")).started();
         network.until(10, |network| network.all_within(1e-6));
         for victim in [STATION, CENTRAL_HUB] {
             network.kill(victim);
