@@ -84,21 +84,37 @@
 //! # }
 //! ```
 
+#[cfg(feature = "receiver")]
 pub mod acquisition;
+#[cfg(feature = "receiver")]
 pub mod advice;
+#[cfg(feature = "receiver")]
 pub mod array;
+#[cfg(feature = "receiver")]
 pub mod capture;
+#[cfg(feature = "receiver")]
 pub mod correlator;
+#[cfg(feature = "receiver")]
 pub mod experiment;
+#[cfg(feature = "receiver")]
 pub mod front_end;
+#[cfg(feature = "receiver")]
 pub mod gnss;
+#[cfg(feature = "receiver")]
 pub mod navigation;
 pub mod network;
 pub mod network_file;
+#[cfg(feature = "receiver")]
 pub mod observables;
+#[cfg(feature = "receiver")]
 pub mod positioning;
+#[cfg(feature = "receiver")]
 pub mod receiver;
+#[cfg(feature = "receiver")]
 pub mod report;
+#[cfg(feature = "receiver")]
 pub mod scenario;
+#[cfg(feature = "receiver")]
 pub mod temporary;
+#[cfg(feature = "receiver")]
 pub mod tracking;
