@@ -17,7 +17,7 @@ pub struct DistributedLs {
     /// Write each figure as CSV and SVG, the tables and the verdicts as CSV, into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// 3 networks instead of 10, 50 epochs instead of 300, at most 1000 iterations instead of 4000
+    /// 2 networks instead of 10, 30 epochs instead of 300, at most 1200 iterations instead of 4000
     #[arg(long)]
     quick: bool,
     /// The network and its noise are drawn from this

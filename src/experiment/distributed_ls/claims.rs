@@ -44,10 +44,13 @@ fn filter(measured: &Measured) -> Vec<Claim> {
     vec![
         claim(
             "Fig. 8",
-            "errors of the filtered solution, largest over 3 sigma",
-            "below 1",
-            format!("{worst:.2} in {epochs} epochs; sigma {first:.3} to {last:.3} m"),
-            worst < 1.0,
+            "errors of the filtered solution within 3 sigma (of normal ones 0.27 % are not)",
+            "all",
+            format!(
+                "{:.2} % not, largest {worst:.2} x 3 sigma; {epochs} epochs; sigma {first:.3} to {last:.3} m",
+                100.0 * filtered.outside
+            ),
+            filtered.outside <= 0.0027,
         ),
         claim(
             "Fig. 8",
@@ -58,26 +61,32 @@ fn filter(measured: &Measured) -> Vec<Claim> {
         ),
         claim("Fig. 8", "the same, 20 iterations", "yes", twenty, twenty_from.is_some()),
         claim(
-            "Fig. 8",
-            "the same, 10 iterations, rho not growing with the data",
+            "ours",
+            "rho must grow with the data: constant, 10 iterations, nodes fall behind",
             "",
             constant,
-            constant_from.is_some(),
+            admm_from.is_some() && constant_from.is_none_or(|k| Some(k) > admm_from),
         ),
-        claim("ours", "the same, averages, 5 iterations an epoch", "", info, info_from == Some(1)),
-        claim("ours", "the same, averages, 10 iterations", "", more, more_from == Some(1)),
+        claim(
+            "ours",
+            "averages, 5 iterations an epoch: nodes within 3 sigma from the first epoch",
+            "",
+            info,
+            info_from == Some(1),
+        ),
+        claim("ours", "the same, 10 iterations", "", more, more_from == Some(1)),
     ]
 }
 
 /// Both counts of a setting.
-fn arrivals(measured: &Measured, setting: Setting) -> [Option<usize>; 2] {
+fn counts(measured: &Measured, setting: Setting) -> [Option<usize>; 2] {
     let way = measured.way(setting);
     [way.and_then(|way| way.three_sigma()), way.and_then(|way| way.millimetre())]
 }
 
 fn convergence(measured: &Measured) -> Vec<Claim> {
     let limit = measured.effort.limit;
-    let of = |setting| arrivals(measured, setting);
+    let of = |setting| counts(measured, setting);
     let text = |settings: &[Setting], k: usize| {
         settings.iter().map(|&s| count(of(s)[k], limit)).collect::<Vec<_>>().join("; ")
     };
@@ -213,11 +222,11 @@ fn figures(measured: &Measured) -> Vec<Claim> {
 
 fn ours(measured: &Measured) -> Vec<Claim> {
     let limit = measured.effort.limit;
-    let admm = arrivals(measured, Setting::Admm(0.5, 1.8))[1]
+    let admm = counts(measured, Setting::Admm(0.5, 1.8))[1]
         .into_iter()
-        .chain(arrivals(measured, Setting::Admm(0.5, 1.6))[1])
+        .chain(counts(measured, Setting::Admm(0.5, 1.6))[1])
         .min();
-    let averaged = arrivals(measured, Setting::Planned)[1];
+    let averaged = counts(measured, Setting::Planned)[1];
     let (exchanges, exact) = measured.tree;
     let bytes = |k: Option<usize>, numbers: usize| {
         k.map_or("-".into(), |k| format!("{:.1}", (8 * k * numbers) as f64 / 1e3))
@@ -229,6 +238,9 @@ fn ours(measured: &Measured) -> Vec<Claim> {
     let [hubs, bridges] =
         [&measured.networks, &measured.bridges].map(|shown| typical(|s| s.admm, shown));
     let averages = [&measured.networks, &measured.bridges].map(|shown| typical(|s| s.info, shown));
+    let arrivals = measured.networks.iter().map(|s| s.info.map_or(f64::INFINITY, |k| k as f64));
+    let (fewest, most) =
+        arrivals.fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), k| (a.min(k), b.max(k)));
     let [paper, free] = measured.sigma;
     vec![
         claim(
@@ -242,6 +254,13 @@ fn ours(measured: &Measured) -> Vec<Claim> {
                 bytes(Some(1), packet)
             ),
             admm.zip(averaged).is_some_and(|(a, b)| b * packet < a * SATELLITES),
+        ),
+        claim(
+            "ours",
+            "averages, planned, to 1 mm on each network (at most 32 in the reference)",
+            "",
+            format!("{fewest:.0} to {most:.0}"),
+            most <= 32.0,
         ),
         claim(
             "ours",

@@ -48,6 +48,8 @@ impl Keeping {
 pub struct Filtered {
     /// At each epoch, the largest |error| / (3 sigma) of the centre's filter.
     pub errors: Vec<f64>,
+    /// Share of all errors beyond 3 sigma; 0.0027 of normal ones.
+    pub outside: f64,
     /// The largest sigma of the first and of the last epoch, m.
     pub sigma: [f64; 2],
     /// For each of [`Keeping::ALL`] and each epoch: the largest |x_i - x| / (3 sigma) of any node from the centre.
@@ -126,8 +128,14 @@ pub fn filter(scene: &Scene, epochs: usize, seed: u64) -> Result<Filtered, Netwo
             .collect(),
     };
     let error = |solution: &Solution| over_three_sigma(&truth, solution);
+    let beyond = |solution: &Solution| {
+        let error = (&truth - &solution.x).component_div(&solution.sigma());
+        error.iter().filter(|e| e.abs() > 3.0).count()
+    };
+    let outside = centre.iter().map(beyond).sum::<usize>() as f64 / (epochs * SATELLITES) as f64;
     Ok(Filtered {
         errors: centre.iter().map(error).collect(),
+        outside,
         sigma: [sigma(0), sigma(epochs - 1)],
         behind,
         plots: vec![errors, behind_plot],

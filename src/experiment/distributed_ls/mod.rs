@@ -40,7 +40,7 @@ impl Effort {
     /// 2.5 h, ten networks.
     pub const FULL: Self = Self { networks: 10, limit: 4000, epochs: 300 };
     /// Some seconds.
-    pub const QUICK: Self = Self { networks: 3, limit: 1000, epochs: 50 };
+    pub const QUICK: Self = Self { networks: 2, limit: 1200, epochs: 30 };
 }
 
 /// What the experiment gives.

@@ -7,6 +7,7 @@ use crate::network::admm::{LeastSquares, PrintedForm, Weight};
 use crate::network::consensus::Node;
 use crate::network::plan::plan;
 use crate::network::{Datum, NetworkError};
+use nalgebra::DVectorView;
 use std::fmt;
 
 /// How the nodes agree.
@@ -94,23 +95,34 @@ impl fmt::Display for Setting {
 
 /// Iterations between changes of rho.
 const EVERY: usize = 10;
-/// How unequal primal and dual residual must be for a change of rho, and how large it is.
-const UNEQUAL: f64 = 5.0;
+/// How unequal the residuals must be for a change of rho, and how large it is.
+const UNEQUAL: f64 = 2.0;
 const CHANGE: f64 = 2.0;
 /// After this many iterations rho stays, so that the iterations converge.
 const LAST: usize = 300;
 
-/// Residual balancing (Boyd et al. 2011, section 3.4.1): rho grows where |x_i - z_s| exceeds the change of z_s,
-/// both in metres, and shrinks where that exceeds. Nodes would learn the network's largest of both by
-/// max-consensus; here they are told.
+/// Balancing of the relative residuals (Wohlberg, arXiv 1704.06209): rho grows where |x_i - z_s| / |x_i| exceeds
+/// |change of z_s| / |u_is|, and shrinks where that exceeds. u_is is taken at its limit, the gradient
+/// (r_i - N_i x_i) / (c_i rho). Nodes would learn the largest of each in the network by max-consensus; here they
+/// are told.
 fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError> {
     let mut rho = start;
     let mut nodes = epoch.admm(&Weight::Scalar(rho), 1.6)?;
     let mut way = epoch.way(&mut nodes, EVERY);
+    let constraints = |id: usize| epoch.constraints.hubs_of(id).len();
     while way.deviations.len() < LAST.min(limit) {
-        let largest = |of: fn(&Node<LeastSquares>) -> f64| nodes.iter().map(of).fold(0.0, f64::max);
-        let primal = largest(|node| node.residuals().primal);
-        let dual = largest(|node| node.residuals().dual);
+        let largest =
+            |of: &dyn Fn(&Node<LeastSquares>) -> f64| nodes.iter().map(of).fold(0.0, f64::max);
+        let gradient = |node: &Node<LeastSquares>| {
+            let normals = &epoch.normals[node.id()];
+            let x = DVectorView::from_slice(node.estimate(), SATELLITES);
+            (&normals.right - &normals.matrix * x).amax() / constraints(node.id()) as f64
+        };
+        let size = |node: &Node<LeastSquares>| {
+            node.estimate().iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+        };
+        let primal = largest(&|node| node.residuals().primal) / largest(&size);
+        let dual = rho * largest(&|node| node.residuals().dual) / largest(&gradient);
         let factor = match primal / dual {
             ratio if ratio > UNEQUAL => CHANGE,
             ratio if ratio < 1.0 / UNEQUAL => 1.0 / CHANGE,
@@ -119,9 +131,8 @@ fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError
         if factor != 1.0 {
             rho *= factor;
             for (id, node) in nodes.iter_mut().enumerate() {
-                let constraints = epoch.constraints.hubs_of(id).len();
-                let weight = Weight::Scalar(rho);
-                node.problem = LeastSquares::new(epoch.normals[id].clone(), &weight, constraints)?;
+                let (normals, weight) = (epoch.normals[id].clone(), Weight::Scalar(rho));
+                node.problem = LeastSquares::new(normals, &weight, constraints(id))?;
                 node.rescale_duals(1.0 / factor);
             }
         }
