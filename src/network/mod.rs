@@ -27,6 +27,7 @@ pub mod stopping;
 #[cfg(test)]
 mod test_scene;
 pub mod tree;
+pub mod wire;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;

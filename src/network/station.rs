@@ -16,10 +16,13 @@ use super::{LinearModel, NetworkError, Normals};
 pub struct Station {
     agreement: Agreement,
     machine: Machine,
+    /// Of what the node holds for credible of its own.
+    normals: Normals,
     /// For the solvers that give a covariance.
     monitor: Option<Monitor>,
     verdict: Verdict,
     named: Vec<Suspect>,
+    excluded: Vec<usize>,
 }
 
 /// The solver's state machine.
@@ -51,6 +54,7 @@ impl Station {
             return Err(NetworkError::BadSetting { name: "rho", value: rho, range: "above 0" });
         }
         let (constraints, normals) = (&agreement.constraints, model.normals());
+        let shared = normals.clone();
         let machine = match agreement.solver {
             Solver::Info => {
                 let own = info::pack(&normals);
@@ -58,7 +62,7 @@ impl Station {
             }
             Solver::Admm => {
                 let count = constraints.hubs_of(id).len();
-                let problem = LeastSquares::new(normals, &Weight::Scalar(rho), count)?;
+                let problem = LeastSquares::new(shared, &Weight::Scalar(rho), count)?;
                 Machine::Admm(Node::new(id, constraints, problem, options)?)
             }
             Solver::Tree => {
@@ -71,8 +75,15 @@ impl Station {
             Solver::Admm => None,
             _ => Some(Monitor::new(id, agreement, model, Levels::default())?),
         };
-        let agreement = agreement.clone();
-        Ok(Self { agreement, machine, monitor, verdict: Verdict::Unsettled, named: Vec::new() })
+        Ok(Self {
+            agreement: agreement.clone(),
+            machine,
+            normals,
+            monitor,
+            verdict: Verdict::Unsettled,
+            named: Vec::new(),
+            excluded: Vec::new(),
+        })
     }
 
     /// What the node knows of the common parameters.
@@ -91,6 +102,16 @@ impl Station {
     /// The observations that the network has named as faulty, in their order, as this node came to know it.
     pub fn named(&self) -> &[Suspect] {
         &self.named
+    }
+
+    /// The node's own observations that it has taken out, in their order; of twins both.
+    pub fn excluded(&self) -> &[usize] {
+        &self.excluded
+    }
+
+    /// The normal equations of what the node holds for credible of its own.
+    pub fn normals(&self) -> &Normals {
+        &self.normals
     }
 
     /// Whether the consensus has settled at all nodes.
@@ -115,19 +136,19 @@ impl Station {
     }
 
     /// Goes on warm with other normal equations.
-    fn set_normals(&mut self, normals: &Normals) {
+    fn set_normals(&mut self, normals: Normals) {
         match &mut self.machine {
-            Machine::Info(node) => node.problem.own = info::pack(normals),
-            Machine::Tree(node) => node.set_own(info::pack(normals)),
+            Machine::Info(node) => node.problem.own = info::pack(&normals),
+            Machine::Tree(node) => node.set_own(info::pack(&normals)),
             // Without covariance nothing is ever taken out.
             Machine::Admm(_) => {}
         }
+        self.normals = normals;
     }
 
     fn remember(&mut self, suspect: Suspect) {
-        let same = |held: &Suspect| {
-            (held.node, held.observation) == (suspect.node, suspect.observation)
-        };
+        let same =
+            |held: &Suspect| (held.node, held.observation) == (suspect.node, suspect.observation);
         if !self.named.iter().any(same) {
             self.named.push(suspect);
         }
@@ -154,13 +175,14 @@ impl Participant for Station {
         // The estimate has the size of the agreement: it was made with it.
         self.verdict = monitor.observe(estimate).unwrap_or(Verdict::Unsettled);
         let news = monitor.news();
-        let changed = matches!(self.verdict, Verdict::Excluded { .. });
-        let normals = changed.then(|| monitor.model().normals());
-        if let Verdict::Named(suspect) = self.verdict {
-            self.remember(suspect);
-        }
-        if let Some(normals) = normals {
-            self.set_normals(&normals);
+        match &self.verdict {
+            Verdict::Named(suspect) => self.remember(*suspect),
+            Verdict::Excluded { observations, .. } => {
+                self.excluded.extend(observations);
+                let normals = monitor.model().normals();
+                self.set_normals(normals);
+            }
+            _ => {}
         }
         self.machine_mut().set_news(news);
         moved
