@@ -4,6 +4,7 @@ mod acquire;
 mod corrections;
 mod experiment;
 mod experiment_aw_dgn;
+mod experiment_distributed_ls;
 mod experiment_front_end;
 mod experiment_lda_l11;
 mod info;
