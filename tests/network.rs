@@ -1,12 +1,16 @@
 //! Receivers without a centre: against reference networks, and on links that lose and delay.
 
+#[path = "network/command.rs"]
+mod command;
 mod common;
+#[path = "network/quality.rs"]
+mod quality;
 #[path = "network/reference.rs"]
 mod reference;
 
 use libtest_mimic::Arguments;
 
 fn main() {
-    let groups = [reference::trials()];
+    let groups = [reference::trials(), command::trials(), quality::trials()];
     libtest_mimic::run(&Arguments::from_args(), groups.into_iter().flatten().collect()).exit();
 }

@@ -43,6 +43,11 @@ pub enum NetworkError {
         "the network's observations do not determine its {0} parameters: a parameter is seen by nobody, or the datum is not fixed"
     )]
     Singular(usize),
+    /// Quality control with a solver that cannot have it.
+    #[error(
+        "the solver admm gives no covariance, without which observations cannot be tested: take info or tree"
+    )]
+    NoCovariance,
     /// A setting out of its range.
     #[error("{name} is {value}, must be {range}")]
     BadSetting {

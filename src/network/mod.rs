@@ -16,13 +16,18 @@ mod graph;
 pub mod info;
 mod linear_model;
 pub mod message;
+pub mod monitor;
 pub mod nonlinear;
 pub mod plan;
+pub mod quality;
 pub mod sim;
 pub mod solver;
+pub mod station;
+pub mod stopping;
 #[cfg(test)]
 mod test_scene;
 pub mod tree;
+pub mod wire;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;

@@ -1,11 +1,6 @@
 //! The solvers by name: what each averages, and how its numbers are read.
 
-use super::admm::{LeastSquares, Weight};
-use super::consensus::{Node, NodeOptions};
-use super::info::{self, Average};
-use super::sim::Participant;
-use super::tree::TreeNode;
-use super::{Constraints, Datum, Graph, NetworkError, Normals, Solution};
+use super::{Constraints, Datum, Graph, NetworkError, Solution, info};
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
@@ -67,43 +62,6 @@ impl Estimate {
 }
 
 impl Agreement {
-    /// The state machine of a node with these normal equations.
-    ///
-    /// # Errors
-    /// [`NetworkError`] for settings out of range, or normal equations of another size.
-    pub fn participant(
-        &self,
-        id: usize,
-        normals: &Normals,
-        options: NodeOptions,
-    ) -> Result<Box<dyn Participant + Send>, NetworkError> {
-        let (found, expected) = (normals.parameters(), self.parameters);
-        if found != expected {
-            let what = format!("the model of node {id}");
-            return Err(NetworkError::WrongSize { what, found, expected });
-        }
-        let rho = self.rho;
-        if !(rho > 0.0 && rho.is_finite()) {
-            return Err(NetworkError::BadSetting { name: "rho", value: rho, range: "above 0" });
-        }
-        let constraints = &self.constraints;
-        Ok(match self.solver {
-            Solver::Info => {
-                let own = info::pack(normals);
-                Box::new(Node::new(id, constraints, Average { own, rho }, options)?)
-            }
-            Solver::Admm => {
-                let count = constraints.hubs_of(id).len();
-                let problem = LeastSquares::new(normals.clone(), &Weight::Scalar(rho), count)?;
-                Box::new(Node::new(id, constraints, problem, options)?)
-            }
-            Solver::Tree => {
-                let tree = self.graph.spanning_tree()?;
-                Box::new(TreeNode::new(id, &tree, info::pack(normals), options.first_sequence))
-            }
-        })
-    }
-
     /// Reads what a node of this network holds.
     ///
     /// # Errors

@@ -1,0 +1,222 @@
+//! A network of nine nodes (figure 5 of Khodabandeh & Teunissen 2019) as processes.
+
+use sdr_rx::network::consensus::{NodeOptions, Rule};
+use sdr_rx::network::{Normals, Solution};
+use sdr_rx::network_file::{ModelFile, NetworkFile, NetworkSetup, NodeEntry, ObservationEntry};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::net::TcpListener;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+pub const NODES: usize = 9;
+const LINKS: [(usize, usize); 12] = [
+    (0, 1),
+    (1, 2),
+    (2, 4),
+    (2, 5),
+    (2, 6),
+    (2, 7),
+    (1, 3),
+    (3, 4),
+    (4, 5),
+    (5, 6),
+    (6, 8),
+    (7, 8),
+];
+/// The constraint nodes of the figure.
+const HUBS: [usize; 5] = [0, 2, 3, 5, 8];
+/// A constraint node with the most neighbours, and a node that is none.
+pub const CENTRAL_HUB: usize = 2;
+pub const STATION: usize = 6;
+const PARAMETERS: usize = 4;
+
+/// A status record, as far as the tests read it.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Record {
+    pub state: String,
+    pub round: u64,
+    pub x: Option<Vec<f64>>,
+    pub live: Vec<usize>,
+    pub missing: Vec<usize>,
+    pub packets: Packets,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Packets {
+    pub foreign: u64,
+    pub lost: u64,
+    pub refused: BTreeMap<String, u64>,
+}
+
+pub struct Network {
+    folder: TempDir,
+    pub setup: NetworkSetup,
+    pub centre: Solution,
+    processes: Vec<Option<Child>>,
+}
+
+/// The process of a node file, not yet started.
+pub fn program(config: &std::path::Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sdr-rx-node"));
+    command.arg(config).stdout(Stdio::null());
+    command
+}
+
+impl Network {
+    /// Writes the files of a network whose nodes have this in their own files too, and listen on free ports.
+    pub fn new(node_file: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        // All at once, so that they differ.
+        let free: Vec<_> = (0..NODES).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
+        let name = |k: usize| format!("N{k}");
+        let node = (0..NODES).map(|k| NodeEntry {
+            name: name(k),
+            address: Some(format!("tcp/{}", free[k].local_addr().unwrap())),
+            model: format!("{k}.json").into(),
+        });
+        let parameters: Vec<String> = (0..PARAMETERS).map(|k| format!("p{k}")).collect();
+        let file = NetworkFile {
+            name: "nine".into(),
+            solver: Default::default(),
+            datum: Default::default(),
+            rho: None,
+            relaxation: None,
+            links: LINKS.iter().map(|&(a, b)| (name(a), name(b))).collect(),
+            constraint_nodes: Some(HUBS.iter().map(|&k| name(k)).collect()),
+            node: node.collect(),
+            parameters: parameters.clone(),
+        };
+        let write = |name: String, text: String| {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        };
+        write("network.toml".into(), toml::to_string(&file).unwrap());
+        for k in 0..NODES {
+            // Each node observes two of four parameters: none could know all of them alone.
+            let entry = |j: usize| ObservationEntry {
+                coefficients: BTreeMap::from([(parameters[(k + j) % PARAMETERS].clone(), 1.0)]),
+                value: ((3 * k + 7 * j) as f64).sin(),
+                sigma: 0.2 + 0.05 * (k + j) as f64,
+            };
+            let observations = (0..2).map(entry).collect();
+            let model = ModelFile { receiver_bias: false, observations };
+            write(format!("{k}.json"), serde_json::to_string(&model).unwrap());
+            let config = format!(
+                "network = 'network.toml'\nnode = 'N{k}'\nstatus = '{k}.jsonl'\nstatus_ms = 50\n\
+                 {node_file}"
+            );
+            write(format!("{k}.toml"), config);
+        }
+        let setup = NetworkSetup::read(&folder.path().join("network.toml")).unwrap();
+        let mut sum = Normals::none(PARAMETERS);
+        (0..NODES).for_each(|k| sum.add(&setup.model(k).unwrap().normals()));
+        let centre = sum.solve(setup.agreement.datum).unwrap();
+        Self { folder, setup, centre, processes: (0..NODES).map(|_| None).collect() }
+    }
+
+    pub fn started(node_file: &str) -> Self {
+        let mut network = Self::new(node_file);
+        (0..NODES).for_each(|k| network.start(k));
+        network
+    }
+
+    pub fn path(&self, name: &str) -> std::path::PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn start(&mut self, k: usize) {
+        let process = program(&self.path(&format!("{k}.toml"))).spawn().unwrap();
+        self.processes[k] = Some(process);
+    }
+
+    /// kill -9.
+    pub fn kill(&mut self, k: usize) {
+        let mut process = self.processes[k].take().unwrap();
+        process.kill().unwrap();
+        process.wait().unwrap();
+        std::fs::remove_file(self.path(&format!("{k}.jsonl"))).unwrap();
+    }
+
+    pub fn signal(&self, k: usize, signal: &str) {
+        let pid = self.processes[k].as_ref().unwrap().id().to_string();
+        assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+    }
+
+    /// Waits for a process that was told to end; whether it says that all went well.
+    pub fn ended_well(&mut self, k: usize) -> bool {
+        self.processes[k].take().unwrap().wait().unwrap().success()
+    }
+
+    /// What a node last said, as it stands in its status file.
+    pub fn last_line(&self, k: usize) -> Option<String> {
+        let text = std::fs::read_to_string(self.path(&format!("{k}.jsonl"))).ok()?;
+        let whole = text.rfind('\n').map(|end| &text[..end])?;
+        whole.lines().last().map(str::to_owned)
+    }
+
+    /// What a node last said.
+    pub fn status(&self, k: usize) -> Option<Record> {
+        self.last_line(k).map(|line| serde_json::from_str(&line).unwrap())
+    }
+
+    /// The largest difference of a node's estimate from what a centre would have computed.
+    pub fn off(&self, k: usize) -> f64 {
+        let Some(x) = self.status(k).and_then(|record| record.x) else { return f64::INFINITY };
+        x.iter().zip(&self.centre.x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    pub fn all_within(&self, bound: f64) -> bool {
+        (0..NODES).all(|k| self.off(k) < bound)
+    }
+
+    /// Waits until something holds; how long that took. Panics, with what the nodes last said, when it takes too
+    /// long.
+    pub fn until(&self, seconds: u64, holds: impl Fn(&Self) -> bool) -> Duration {
+        let start = Instant::now();
+        while !holds(self) {
+            let late = start.elapsed() > Duration::from_secs(seconds);
+            let said = || (0..NODES).map(|k| self.status(k)).collect::<Vec<_>>();
+            assert!(!late, "not within {seconds} s; the nodes say {:#?}", said());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        start.elapsed()
+    }
+
+    /// What each node's solution is after so many rounds in step, computed in this process.
+    pub fn in_process(&self, rounds: u64) -> Vec<Solution> {
+        let agreement = &self.setup.agreement;
+        let options = NodeOptions {
+            relaxation: self.setup.relaxation,
+            rule: Rule::Synchronous,
+            first_sequence: 0,
+        };
+        let participant = |k| {
+            let normals = self.setup.model(k).unwrap().normals();
+            agreement.participant(k, &normals, options).unwrap()
+        };
+        let mut nodes: Vec<_> = (0..NODES).map(participant).collect();
+        let mut moves = [0; NODES];
+        while moves.iter().any(|&moves| moves < rounds) {
+            let said: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
+            said.iter().for_each(|(to, message)| _ = nodes[*to].receive(message));
+            for (node, moves) in nodes.iter_mut().zip(&mut moves) {
+                if *moves < rounds {
+                    *moves += u64::from(node.step());
+                }
+            }
+        }
+        let read = |estimate: &[f64]| agreement.read(estimate).unwrap().solution().unwrap().clone();
+        nodes.iter().map(|node| read(node.estimate())).collect()
+    }
+}
+
+impl Drop for Network {
+    fn drop(&mut self) {
+        for process in self.processes.iter_mut().flatten() {
+            // It may have ended by itself.
+            _ = process.kill();
+            _ = process.wait();
+        }
+    }
+}

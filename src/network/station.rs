@@ -1,0 +1,206 @@
+//! A receiver in its network: the solver's state machine, with the control of what it observes beside it.
+
+use super::admm::{LeastSquares, Weight};
+use super::consensus::{Node, NodeOptions, Received, Residuals};
+use super::info::{self, Average};
+use super::message::{Message, News, Suspect};
+use super::monitor::{Monitor, Verdict};
+use super::quality::Levels;
+use super::sim::Participant;
+use super::solver::{Agreement, Estimate, Solver};
+use super::tree::TreeNode;
+use super::{LinearModel, NetworkError, Normals};
+
+/// A node with everything that a transport needs of it.
+#[derive(Clone, Debug)]
+pub struct Station {
+    agreement: Agreement,
+    machine: Machine,
+    /// Of what the node holds for credible of its own.
+    normals: Normals,
+    /// For the solvers that give a covariance.
+    monitor: Option<Monitor>,
+    verdict: Verdict,
+    named: Vec<Suspect>,
+    excluded: Vec<usize>,
+}
+
+/// The solver's state machine.
+#[derive(Clone, Debug)]
+enum Machine {
+    Info(Node<Average>),
+    Admm(Node<LeastSquares>),
+    Tree(TreeNode),
+}
+
+impl Station {
+    /// Node `id`, which observes `model`.
+    ///
+    /// # Errors
+    /// [`NetworkError`] for settings out of range, or a model of another number of parameters.
+    pub fn new(
+        id: usize,
+        agreement: &Agreement,
+        model: LinearModel,
+        options: NodeOptions,
+    ) -> Result<Self, NetworkError> {
+        let (found, expected) = (model.design.ncols(), agreement.parameters);
+        if found != expected {
+            let what = format!("the model of node {id}");
+            return Err(NetworkError::WrongSize { what, found, expected });
+        }
+        let rho = agreement.rho;
+        if !(rho > 0.0 && rho.is_finite()) {
+            return Err(NetworkError::BadSetting { name: "rho", value: rho, range: "above 0" });
+        }
+        let (constraints, normals) = (&agreement.constraints, model.normals());
+        let shared = normals.clone();
+        let machine = match agreement.solver {
+            Solver::Info => {
+                let own = info::pack(&normals);
+                Machine::Info(Node::new(id, constraints, Average { own, rho }, options)?)
+            }
+            Solver::Admm => {
+                let count = constraints.hubs_of(id).len();
+                let problem = LeastSquares::new(shared, &Weight::Scalar(rho), count)?;
+                Machine::Admm(Node::new(id, constraints, problem, options)?)
+            }
+            Solver::Tree => {
+                let tree = agreement.graph.spanning_tree()?;
+                let own = info::pack(&normals);
+                Machine::Tree(TreeNode::new(id, &tree, own, options.first_sequence))
+            }
+        };
+        let monitor = match agreement.solver {
+            Solver::Admm => None,
+            _ => Some(Monitor::new(id, agreement, model, Levels::default())?),
+        };
+        Ok(Self {
+            agreement: agreement.clone(),
+            machine,
+            normals,
+            monitor,
+            verdict: Verdict::Unsettled,
+            named: Vec::new(),
+            excluded: Vec::new(),
+        })
+    }
+
+    /// What the node knows of the common parameters.
+    ///
+    /// # Errors
+    /// [`NetworkError::Singular`] while too little has been heard.
+    pub fn read(&self) -> Result<Estimate, NetworkError> {
+        self.agreement.read(self.estimate())
+    }
+
+    /// What the node holds of the network's observations.
+    pub fn verdict(&self) -> &Verdict {
+        &self.verdict
+    }
+
+    /// The observations that the network has named as faulty, in their order, as this node came to know it.
+    pub fn named(&self) -> &[Suspect] {
+        &self.named
+    }
+
+    /// The node's own observations that it has taken out, in their order; of twins both.
+    pub fn excluded(&self) -> &[usize] {
+        &self.excluded
+    }
+
+    /// The normal equations of what the node holds for credible of its own.
+    pub fn normals(&self) -> &Normals {
+        &self.normals
+    }
+
+    /// Whether the consensus has settled at all nodes.
+    pub fn settled(&self) -> bool {
+        self.monitor.as_ref().is_some_and(Monitor::settled)
+    }
+
+    fn machine(&self) -> &dyn Participant {
+        match &self.machine {
+            Machine::Info(node) => node,
+            Machine::Admm(node) => node,
+            Machine::Tree(node) => node,
+        }
+    }
+
+    fn machine_mut(&mut self) -> &mut dyn Participant {
+        match &mut self.machine {
+            Machine::Info(node) => node,
+            Machine::Admm(node) => node,
+            Machine::Tree(node) => node,
+        }
+    }
+
+    /// Goes on warm with other normal equations.
+    fn set_normals(&mut self, normals: Normals) {
+        match &mut self.machine {
+            Machine::Info(node) => node.problem.own = info::pack(&normals),
+            Machine::Tree(node) => node.set_own(info::pack(&normals)),
+            // Without covariance nothing is ever taken out.
+            Machine::Admm(_) => {}
+        }
+        self.normals = normals;
+    }
+
+    fn remember(&mut self, suspect: Suspect) {
+        let same =
+            |held: &Suspect| (held.node, held.observation) == (suspect.node, suspect.observation);
+        if !self.named.iter().any(same) {
+            self.named.push(suspect);
+        }
+    }
+}
+
+impl Participant for Station {
+    fn receive(&mut self, message: &Message) -> Received {
+        let received = self.machine_mut().receive(message);
+        if let (Some(monitor), Received::Taken) = (&mut self.monitor, received) {
+            monitor.hear(message.sender as usize, &message.news);
+        }
+        received
+    }
+
+    fn step(&mut self) -> bool {
+        let moved = self.machine_mut().step();
+        let Some(monitor) = self.monitor.as_mut().filter(|_| moved) else { return moved };
+        let estimate = match &self.machine {
+            Machine::Info(node) => Participant::estimate(node),
+            Machine::Admm(node) => Participant::estimate(node),
+            Machine::Tree(node) => Participant::estimate(node),
+        };
+        // The estimate has the size of the agreement: it was made with it.
+        self.verdict = monitor.observe(estimate).unwrap_or(Verdict::Unsettled);
+        let news = monitor.news();
+        match &self.verdict {
+            Verdict::Named(suspect) => self.remember(*suspect),
+            Verdict::Excluded { observations, .. } => {
+                self.excluded.extend(observations);
+                let normals = monitor.model().normals();
+                self.set_normals(normals);
+            }
+            _ => {}
+        }
+        self.machine_mut().set_news(news);
+        moved
+    }
+
+    fn messages(&self) -> Vec<(usize, Message)> {
+        self.machine().messages()
+    }
+
+    fn estimate(&self) -> &[f64] {
+        self.machine().estimate()
+    }
+
+    fn residuals(&self) -> Residuals {
+        self.machine().residuals()
+    }
+
+    fn set_news(&mut self, news: News) {
+        self.machine_mut().set_news(news);
+    }
+}
