@@ -7,10 +7,12 @@ mod common;
 mod quality;
 #[path = "network/reference.rs"]
 mod reference;
+#[path = "network/stations.rs"]
+mod stations;
 
 use libtest_mimic::Arguments;
 
 fn main() {
-    let groups = [reference::trials(), command::trials(), quality::trials()];
+    let groups = [reference::trials(), command::trials(), quality::trials(), stations::trials()];
     libtest_mimic::run(&Arguments::from_args(), groups.into_iter().flatten().collect()).exit();
 }
