@@ -123,8 +123,7 @@ fn settled<P: Participant>(
     let mut settled = 0;
     for iteration in 1..=limit {
         sim::iterate(nodes);
-        // Not a number is not settled.
-        if !(measure(nodes) < bound) {
+        if measure(nodes) >= bound {
             settled = iteration;
         }
     }
@@ -315,7 +314,7 @@ fn asynchronous(folder: &Path) -> Result<(), Failed> {
         let mut settled = 0;
         while simulation.ticks() < limit {
             simulation.tick();
-            if !(sim::deviation(&simulation.nodes, &network.xhat) < 1e-3) {
+            if sim::deviation(&simulation.nodes, &network.xhat) >= 1e-3 {
                 settled = simulation.ticks();
             }
         }
