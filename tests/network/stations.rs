@@ -23,7 +23,7 @@ fn two_stations(data: &Path) -> Result<(), Failed> {
     let options = CodeOptions::default();
     let read = |name| station_epochs(&folder.join(name), &navigation, None, &options);
     let stations = [read("base.obs")?, read("rover.obs")?];
-    let [base, rover] = stations.each_ref().map(|epochs| satellites(epochs));
+    let [base, rover] = stations.each_ref().map(satellites);
     let all = satellites(stations.iter().flatten());
     let names = |list: &[Sv]| list.iter().map(Sv::to_string).collect::<Vec<_>>().join(" ");
     println!("base {}; rover {}", names(&base), names(&rover));
