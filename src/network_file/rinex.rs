@@ -82,7 +82,7 @@ pub enum StationError {
 }
 
 /// Reads a station's file. `place_m` (ECEF, m, a kilometre is good enough) replaces the header's approximate
-/// position. Satellites without orbit are left out.
+/// position. Satellites without orbit, or which declare themselves unhealthy, are left out.
 ///
 /// # Errors
 /// [`StationError`].
