@@ -1,6 +1,7 @@
 //! `sdr-rx experiment`: figures and tables made again.
 
 use super::experiment_aw_dgn;
+use super::experiment_distributed_ls;
 use super::experiment_front_end;
 use super::experiment_lda_l11;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,6 +18,7 @@ pub struct Experiment {
 #[derive(clap::Subcommand)]
 enum Name {
     AwDgn(experiment_aw_dgn::AwDgn),
+    DistributedLs(experiment_distributed_ls::DistributedLs),
     LdaL11(experiment_lda_l11::LdaL11),
     FrontEnd(experiment_front_end::FrontEnd),
 }
@@ -25,6 +27,7 @@ enum Name {
 pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
     match &args.name {
         Name::AwDgn(args) => experiment_aw_dgn::run(args),
+        Name::DistributedLs(args) => experiment_distributed_ls::run(args),
         Name::LdaL11(args) => experiment_lda_l11::run(args),
         Name::FrontEnd(args) => experiment_front_end::run(args),
     }
