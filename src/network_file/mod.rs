@@ -2,6 +2,7 @@
 
 mod error;
 mod model;
+#[cfg(feature = "receiver")]
 pub mod rinex;
 
 pub use error::NetworkFileError;
