@@ -116,7 +116,8 @@ pub fn station_model(
 ///
 /// Of one epoch it is exactly what the network would have found with [`ReceiverBias::Reference`] at that
 /// receiver: the weighted mean of the receiver's observations, which no difference holds, is now used to fix the
-/// constant. Of several epochs with a bias each, it is the latest one's constant.
+/// constant. Where each epoch has a receiver bias of its own, `reference` is one epoch's,
+/// and the constant is that epoch's.
 ///
 /// # Errors
 /// [`NetworkError::WrongSize`], or [`NetworkError::Singular`] when the receiver has observed nothing.

@@ -98,6 +98,25 @@ fn versions_2_and_3_are_read_field_by_field() {
     assert_eq!((qzss.sv.prn(), range(qzss)), (194, 38e6));
 }
 
+#[test]
+fn pseudoranges_of_any_signals_are_read_by_name() {
+    let next = |text: String, signals: &[&str]| {
+        let mut reader = ObservationReader::new(text.as_bytes(), "x").unwrap();
+        let epoch = reader.next_pseudoranges(signals).unwrap().unwrap();
+        assert_eq!(reader.next_pseudoranges(signals).unwrap(), None);
+        let names = epoch.satellites.iter().map(|s| s.0.to_string()).collect::<Vec<_>>();
+        (names.join(" "), epoch.satellites.into_iter().map(|s| s.1).collect::<Vec<_>>())
+    };
+    // C2 of G02 is zero, which means missing; of J03 there is only C1, of G12 none.
+    let (names, ranges) = next(v2_header() + V2_EPOCH, &["C1", "C2", "P2"]);
+    assert_eq!(names, "G02 J03");
+    assert_eq!(ranges[0], [Some(21_276_226.827), None, Some(21_276_226.580)]);
+    assert_eq!(ranges[1], [Some(22_314_760.896), None, None]);
+    let (names, ranges) = next(v3_header() + V3_EPOCH, &["C5Q", "C1C"]);
+    assert_eq!(names, "G02 J02");
+    assert_eq!(ranges, [[None, Some(21_276_226.827)], [None, Some(38e6)]]);
+}
+
 /// Code deviation at a C/N0.
 fn typical(cn0_dbhz: f64) -> f64 {
     crate::observables::typical_noise(Some(cn0_dbhz)).0
