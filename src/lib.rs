@@ -38,6 +38,10 @@
 //! pseudoranges, Dopplers or both; then the full model, a residual test with exclusion, velocity, covariance.
 //! A snapshot needs neither place nor time. It knows of no files and no samples.
 //!
+//! **[`network`]**: many receivers' [`LinearModel`](network::LinearModel)s become one solution at each of them,
+//! without a centre: a [`Station`](network::station::Station) is a state machine that any transport may carry.
+//! **[`network_file`]** reads networks.
+//!
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
 //!
 //! **[`experiment`]**: figures of papers made again, with a verdict for each claim; sweeps over front ends.

@@ -34,8 +34,9 @@ pub struct NodeFile {
     /// Over-relaxation; else the network file's; else 1.3 for asynchronous nodes, and planned from the graph for
     /// synchronous ones.
     pub relaxation: Option<f64>,
-    /// Shortest time between two moves; 5 for asynchronous nodes, 0 for synchronous ones.
-    pub pace_ms: Option<u64>,
+    /// Shortest time between two moves.
+    #[serde(default = "five_milliseconds")]
+    pub pace_ms: u64,
     /// Rest after so many moves; without, the node goes on until it is told to end.
     pub rounds: Option<u64>,
     /// Which observations these are: messages of another epoch are refused.
@@ -74,6 +75,10 @@ pub struct Security {
     pub password: Option<String>,
     /// A file with a line `user:password` for each neighbour that may connect.
     pub users: Option<PathBuf>,
+}
+
+fn five_milliseconds() -> u64 {
+    5
 }
 
 fn ten_seconds() -> u64 {
@@ -119,7 +124,11 @@ impl Setup {
         ensure!((0.0..1.0).contains(&file.loss), "loss is {}, must be in [0, 1)", file.loss);
         ensure!(file.lease_ms >= 100, "lease_ms is {}, must be at least 100", file.lease_ms);
         ensure!(file.status_ms > 0, "status_ms is 0, must be at least 1");
-        ensure!(self.pace() <= Duration::from_secs(60), "pace_ms must be at most 60000");
+        ensure!(
+            (1..=60_000).contains(&file.pace_ms),
+            "pace_ms is {}, must be from 1 to 60000",
+            file.pace_ms
+        );
         let relaxation = self.relaxation();
         ensure!(
             relaxation > 0.0 && relaxation < 2.0,
@@ -183,8 +192,7 @@ impl Setup {
 
     /// Shortest time between two moves.
     pub fn pace(&self) -> Duration {
-        let usual = if self.in_step() { 0 } else { 5 };
-        Duration::from_millis(self.file.pace_ms.unwrap_or(usual))
+        Duration::from_millis(self.file.pace_ms)
     }
 
     /// Over-relaxation alpha.

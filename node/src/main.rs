@@ -12,6 +12,7 @@ use clap::Parser;
 use config::Setup;
 use engine::Engine;
 use run::Member;
+use serde_json::Value;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use status::Log;
 use std::path::PathBuf;
@@ -39,6 +40,7 @@ struct Arguments {
 fn main() -> ExitCode {
     match start(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("sdr-rx-node: {error:#}");
             ExitCode::from(2)
@@ -46,11 +48,20 @@ fn main() -> ExitCode {
     }
 }
 
+/// Whether nobody reads our status records any more.
+fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    let kind = error.root_cause().downcast_ref::<std::io::Error>().map(std::io::Error::kind);
+    kind == Some(std::io::ErrorKind::BrokenPipe)
+}
+
 fn start(arguments: &Arguments) -> Result<()> {
     let setup = Setup::read(&arguments.config)?;
     let mut member = Member::new(&setup)?;
-    let config = setup.zenoh(member.longest_packet())?;
+    let mut config = setup.zenoh(member.longest_packet())?;
     if arguments.check {
+        if let Some(password) = config.pointer_mut("/transport/auth/usrpwd/password") {
+            *password = if password.is_null() { Value::Null } else { "(not shown)".into() };
+        }
         println!("{}", serde_json::to_string_pretty(&config)?);
         return Ok(());
     }

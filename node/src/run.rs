@@ -159,8 +159,7 @@ impl<'a> Member<'a> {
     }
 
     fn record<'s>(&'s self, state: &'s str) -> Record<'s> {
-        let estimate = self.station.read().ok();
-        let estimate = estimate.filter(|_| self.round > 0);
+        let estimate = self.station.read().ok().filter(|_| self.round > 0);
         let residuals = self.station.residuals();
         let solution = estimate.as_ref().and_then(|estimate| estimate.solution());
         Record {
@@ -173,6 +172,7 @@ impl<'a> Member<'a> {
             x: estimate.as_ref().map(|estimate| estimate.x().as_slice().to_vec()),
             primal: residuals.primal,
             dual: residuals.dual,
+            settled: self.station.settled(),
             named: self.station.named(),
             excluded: self.station.excluded(),
             live: &self.live,

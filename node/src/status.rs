@@ -48,6 +48,8 @@ pub struct Record<'a> {
     pub primal: f64,
     /// The largest |z_s - z_s before|.
     pub dual: f64,
+    /// Whether all nodes are near agreement.
+    pub settled: bool,
     /// Observations that the network has named as faulty.
     #[serde(skip_serializing_if = "<[Suspect]>::is_empty")]
     pub named: &'a [Suspect],

@@ -114,8 +114,9 @@ pub fn station_model(
 /// Satellite biases of the free datum, referred to one receiver's bias: x + 1 w'(l - x) / sum(w), with the
 /// observations l and weights w of that receiver alone, whose normal equations (not eliminated) are `reference`.
 ///
-/// It is exactly what the network would have found with [`ReceiverBias::Reference`] at that receiver: the
-/// weighted mean of the receiver's observations, which no difference holds, is now used to fix the constant.
+/// Of one epoch it is exactly what the network would have found with [`ReceiverBias::Reference`] at that
+/// receiver: the weighted mean of the receiver's observations, which no difference holds, is now used to fix the
+/// constant. Of several epochs with a bias each, it is the latest one's constant.
 ///
 /// # Errors
 /// [`NetworkError::WrongSize`], or [`NetworkError::Singular`] when the receiver has observed nothing.

@@ -93,13 +93,11 @@ pub fn iterate<P: Participant>(nodes: &mut [P]) {
     exchange(nodes);
 }
 
-/// The largest difference between any node's estimate and a value.
+/// The largest difference between any node's estimate and a value; infinite when an estimate is no number.
 pub fn deviation<P: Participant>(nodes: &[P], value: &[f64]) -> f64 {
-    let apart = |node: &P| {
-        let pairs = node.estimate().iter().zip(value);
-        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    };
-    nodes.iter().map(apart).fold(0.0, f64::max)
+    let pairs = nodes.iter().flat_map(|node| node.estimate().iter().zip(value));
+    let apart = pairs.map(|(a, b)| (a - b).abs());
+    apart.map(|off| if off.is_nan() { f64::INFINITY } else { off }).fold(0.0, f64::max)
 }
 
 /// What links and clocks are like.

@@ -48,22 +48,6 @@ pub fn place_near(centre: &Vector3<f64>, spread: f64, random: &mut ChaCha8Rng) -
     (centre / EARTH_M + spread * aside).normalize() * EARTH_M
 }
 
-/// 110 stations in nine groups all over the Earth, and their network: the first of each group is joined to the
-/// others of the group and to the first ones of two other groups.
-pub fn hundred_and_ten(seed: u64) -> (Vec<Vector3<f64>>, Constraints) {
-    let mut random = stream(seed, 0);
-    let mut stations: Vec<_> =
-        (0..9).map(|_| place_near(&Vector3::zeros(), f64::INFINITY, &mut random)).collect();
-    let mut links: Vec<_> = (0..9).map(|hub| (hub, (hub + 1) % 9)).collect();
-    for station in 9..110 {
-        let hub = random.random_range(0..9);
-        stations.push(place_near(&stations[hub].clone(), 0.3, &mut random));
-        links.push((hub, station));
-    }
-    let graph = Graph::new(110, &links).unwrap();
-    (stations, super::constraints::choose(&graph).unwrap())
-}
-
 /// The nine nodes of the paper's figure 5.
 pub fn nine() -> Constraints {
     let ring = [(0, 1), (1, 2), (2, 4), (2, 5), (2, 6), (2, 7), (1, 3), (3, 4), (4, 5), (5, 6)];

@@ -2,6 +2,7 @@
 
 mod error;
 mod model;
+pub mod rinex;
 
 pub use error::NetworkFileError;
 pub use model::{ModelFile, ObservationEntry};

@@ -3,6 +3,9 @@
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use sdr_rx::experiment::SplitMix64;
+use sdr_rx::experiment::distributed_ls::scene::{Layout, Scene};
 use sdr_rx::network::admm::{LeastSquares, PrintedForm, Weight};
 use sdr_rx::network::consensus::{Node, NodeOptions, Proximal};
 use sdr_rx::network::info::{self, Average};
@@ -19,6 +22,7 @@ pub fn trials() -> Vec<Trial> {
         data_trial("every_node_ends_within_a_nanometre_of_the_centre", limits),
         data_trial("the_update_as_printed_agrees_on_a_wrong_value", printed),
         data_trial("averaged_normal_equations_need_thirty_rounds", averaged),
+        Trial::test("averages_settle_as_planned_in_thirty_networks", thirty_networks),
         data_trial("a_tree_is_exact_after_as_many_exchanges_as_it_is_wide", tree),
         data_trial("acknowledged_links_converge_where_the_obvious_rules_diverge", asynchronous),
     ]
@@ -119,8 +123,7 @@ fn settled<P: Participant>(
     let mut settled = 0;
     for iteration in 1..=limit {
         sim::iterate(nodes);
-        // Not a number is not settled.
-        if !(measure(nodes) < bound) {
+        if measure(nodes) >= bound {
             settled = iteration;
         }
     }
@@ -213,25 +216,71 @@ fn printed(folder: &Path) -> Result<(), Failed> {
     expect(apart < 1e-9 && (off - 0.1345).abs() < 1e-4, said)
 }
 
+/// Rounds of averaged normal equations, as planned from the graph, after which every node stays within 1 mm and
+/// within 3 sigma of the centre, and knows the sigmas to 1 %.
+fn rounds(constraints: &Constraints, normals: &[Normals]) -> Result<[usize; 3], Failed> {
+    let plan = plan::plan(constraints)?;
+    let mut sum = Normals::none(12);
+    normals.iter().for_each(|one| sum.add(one));
+    let centre = sum.solve(Datum::Observed)?;
+    let sigma = centre.sigma();
+    let node = |(id, normals)| {
+        let problem = Average { own: info::pack(normals), rho: plan.rho };
+        Node::new(id, constraints, problem, in_step(plan.relaxation))
+    };
+    let mut nodes: Vec<_> = normals.iter().enumerate().map(node).collect::<Result<_, _>>()?;
+    let mut settled = [0; 3];
+    for round in 1..=80 {
+        sim::iterate(&mut nodes);
+        let mut worst = [0.0f64; 3];
+        for node in &nodes {
+            let measures = estimate(node, normals.len()).map_or([f64::INFINITY; 3], |s| {
+                let off = &s.x - &centre.x;
+                let spread = s.sigma().component_div(&sigma).add_scalar(-1.0);
+                [off.amax() / 1e-3, off.component_div(&sigma).amax() / 3.0, spread.amax() / 0.01]
+            });
+            worst.iter_mut().zip(measures).for_each(|(worst, one)| *worst = worst.max(one));
+        }
+        for (settled, _) in settled.iter_mut().zip(worst).filter(|(_, worst)| *worst >= 1.0) {
+            *settled = round;
+        }
+    }
+    Ok(settled.map(|round| round + 1))
+}
+
 fn averaged(folder: &Path) -> Result<(), Failed> {
     let [network, _] = Network::read(folder)?;
     let constraints = network.constraints()?;
     let plan = plan::plan(&constraints)?;
-    let centre = network.centre()?;
-    let sigma = centre.sigma();
-    let run = |bound: f64, measure: &dyn Fn(&Solution) -> f64| -> Result<usize, Failed> {
-        let mut nodes = network.info(&constraints, plan.rho, in_step(plan.relaxation))?;
-        let worst = |nodes: &[Node<Average>]| {
-            let each = nodes.iter().map(|node| estimate(node, network.n));
-            each.fold(0.0, |worst: f64, one| worst.max(one.map_or(f64::INFINITY, |s| measure(&s))))
-        };
-        Ok(settled(&mut nodes, 80, bound, worst))
-    };
-    let metres = run(1e-3, &|s| (&s.x - &centre.x).amax())?;
-    let within = run(3.0, &|s| (&s.x - &centre.x).component_div(&sigma).amax())?;
-    let spread = run(0.01, &|s| (s.sigma().component_div(&sigma)).add_scalar(-1.0).amax())?;
+    let [metres, within, spread] = rounds(&constraints, &network.normals())?;
     let said = format!("{plan:?}: 1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds");
     expect(metres <= 32 && within <= 6 && spread <= 27, said)
+}
+
+/// Half of the networks keep the bounds that the independent implementation gives for its own; each settles as
+/// fast as the planned radius lets it: from ten metres to 1 mm, with ten times as much for a rise before the fall.
+fn thirty_networks() -> Result<(), Failed> {
+    let network = |seed: u64| -> Result<([usize; 3], usize), String> {
+        let rounds = || -> Result<_, Failed> {
+            let scene = Scene::new(Layout::Hubs, seed)?;
+            let constraints = Constraints::new(&scene.graph, &scene.hubs)?;
+            let models = scene.models(0, Datum::Observed, &mut SplitMix64::new(seed));
+            let normals: Vec<Normals> = models.iter().map(|model| model.normals()).collect();
+            let bound = plan::plan(&constraints)?.iterations(1e-5);
+            Ok((rounds(&constraints, &normals)?, bound))
+        };
+        rounds().map_err(|failed| format!("{failed:?}"))
+    };
+    let all: Vec<_> = (1..=30u64).into_par_iter().map(network).collect::<Result<_, _>>()?;
+    let median = |k: usize| {
+        let mut each: Vec<usize> = all.iter().map(|(rounds, _)| rounds[k]).collect();
+        each.sort_unstable();
+        each[each.len() / 2]
+    };
+    let as_planned = all.iter().all(|(rounds, bound)| rounds[0] <= *bound);
+    let [metres, within, spread] = [median(0), median(1), median(2)];
+    let said = format!("1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds; {all:?}");
+    expect(as_planned && metres <= 32 && within <= 6 && spread <= 27, said)
 }
 
 fn tree(folder: &Path) -> Result<(), Failed> {
@@ -265,7 +314,7 @@ fn asynchronous(folder: &Path) -> Result<(), Failed> {
         let mut settled = 0;
         while simulation.ticks() < limit {
             simulation.tick();
-            if !(sim::deviation(&simulation.nodes, &network.xhat) < 1e-3) {
+            if sim::deviation(&simulation.nodes, &network.xhat) >= 1e-3 {
                 settled = simulation.ticks();
             }
         }

@@ -1,6 +1,9 @@
 //! A network of nine nodes (figure 5 of Khodabandeh & Teunissen 2019) as processes.
 
 use sdr_rx::network::consensus::{NodeOptions, Rule};
+use sdr_rx::network::message::Suspect;
+use sdr_rx::network::sim::Participant;
+use sdr_rx::network::station::Station;
 use sdr_rx::network::{Normals, Solution};
 use sdr_rx::network_file::{ModelFile, NetworkFile, NetworkSetup, NodeEntry, ObservationEntry};
 use serde::Deserialize;
@@ -31,6 +34,7 @@ const HUBS: [usize; 5] = [0, 2, 3, 5, 8];
 pub const CENTRAL_HUB: usize = 2;
 pub const STATION: usize = 6;
 const PARAMETERS: usize = 4;
+const TRUTH: [f64; PARAMETERS] = [1.5, -0.7, 3.0, 0.2];
 
 /// A status record, as far as the tests read it.
 #[derive(Clone, Debug, Deserialize)]
@@ -38,6 +42,11 @@ pub struct Record {
     pub state: String,
     pub round: u64,
     pub x: Option<Vec<f64>>,
+    pub settled: bool,
+    #[serde(default)]
+    pub named: Vec<Suspect>,
+    #[serde(default)]
+    pub excluded: Vec<usize>,
     pub live: Vec<usize>,
     pub missing: Vec<usize>,
     pub packets: Packets,
@@ -67,6 +76,11 @@ pub fn program(config: &std::path::Path) -> Command {
 impl Network {
     /// Writes the files of a network whose nodes have this in their own files too, and listen on free ports.
     pub fn new(node_file: &str) -> Self {
+        Self::with_fault(node_file, None)
+    }
+
+    /// The same, with an error of 20 sigma in the first observation of a node; the centre does without that.
+    pub fn with_fault(node_file: &str, faulty: Option<usize>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         // All at once, so that they differ.
         let free: Vec<_> = (0..NODES).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
@@ -94,10 +108,15 @@ impl Network {
         write("network.toml".into(), toml::to_string(&file).unwrap());
         for k in 0..NODES {
             // Each node observes two of four parameters: none could know all of them alone.
-            let entry = |j: usize| ObservationEntry {
-                coefficients: BTreeMap::from([(parameters[(k + j) % PARAMETERS].clone(), 1.0)]),
-                value: ((3 * k + 7 * j) as f64).sin(),
-                sigma: 0.2 + 0.05 * (k + j) as f64,
+            // Their errors are within one sigma: none is a fault but the one that was asked for.
+            let entry = |j: usize| {
+                let (place, sigma) = ((k + j) % PARAMETERS, 0.2 + 0.05 * (k + j) as f64);
+                let fault = if faulty == Some(k) && j == 0 { 20.0 } else { 0.0 };
+                ObservationEntry {
+                    coefficients: BTreeMap::from([(parameters[place].clone(), 1.0)]),
+                    value: TRUTH[place] + sigma * (((3 * k + 7 * j) as f64).sin() + fault),
+                    sigma,
+                }
             };
             let observations = (0..2).map(entry).collect();
             let model = ModelFile { receiver_bias: false, observations };
@@ -110,15 +129,19 @@ impl Network {
         }
         let setup = NetworkSetup::read(&folder.path().join("network.toml")).unwrap();
         let mut sum = Normals::none(PARAMETERS);
-        (0..NODES).for_each(|k| sum.add(&setup.model(k).unwrap().normals()));
+        for k in 0..NODES {
+            let model = setup.model(k).unwrap();
+            let model = if faulty == Some(k) { model.without(0) } else { model };
+            sum.add(&model.normals());
+        }
         let centre = sum.solve(setup.agreement.datum).unwrap();
         Self { folder, setup, centre, processes: (0..NODES).map(|_| None).collect() }
     }
 
-    pub fn started(node_file: &str) -> Self {
-        let mut network = Self::new(node_file);
-        (0..NODES).for_each(|k| network.start(k));
-        network
+    /// With all of its nodes running.
+    pub fn started(mut self) -> Self {
+        (0..NODES).for_each(|k| self.start(k));
+        self
     }
 
     pub fn path(&self, name: &str) -> std::path::PathBuf {
@@ -191,11 +214,11 @@ impl Network {
             rule: Rule::Synchronous,
             first_sequence: 0,
         };
-        let participant = |k| {
-            let normals = self.setup.model(k).unwrap().normals();
-            agreement.participant(k, &normals, options).unwrap()
+        let station = |k| {
+            let model = self.setup.model(k).unwrap();
+            Station::new(k, agreement, model, options).unwrap()
         };
-        let mut nodes: Vec<_> = (0..NODES).map(participant).collect();
+        let mut nodes: Vec<_> = (0..NODES).map(station).collect();
         let mut moves = [0; NODES];
         while moves.iter().any(|&moves| moves < rounds) {
             let said: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
@@ -206,8 +229,7 @@ impl Network {
                 }
             }
         }
-        let read = |estimate: &[f64]| agreement.read(estimate).unwrap().solution().unwrap().clone();
-        nodes.iter().map(|node| read(node.estimate())).collect()
+        nodes.iter().map(|node| node.read().unwrap().solution().unwrap().clone()).collect()
     }
 }
 

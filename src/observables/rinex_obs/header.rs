@@ -2,7 +2,7 @@
 
 use super::Source;
 use crate::gnss::records::Line;
-use crate::gnss::{GpsTime, ReadError};
+use crate::gnss::{Constellation, GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
 use std::io::BufRead;
 
@@ -183,12 +183,9 @@ impl Signals {
             [&["C1C"], &["L1C"], &["D1C"], &["S1C"]]
         };
         let fields = |system: char| {
-            let Some((_, count, names)) = self.names.iter().find(|n| n.0 == system) else {
-                return Fields::default();
-            };
-            let place = |name: &&str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
+            let place = |name: &&str| self.place(system, name);
             Fields {
-                count: *count,
+                count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
                 code: wanted[0].iter().filter_map(place).collect(),
                 phase: wanted[1].first().and_then(place),
                 doppler: wanted[2].first().and_then(place),
@@ -196,6 +193,18 @@ impl Signals {
             }
         };
         (self.gps, self.qzss) = (fields('G'), fields(if self.version < 3.0 { 'G' } else { 'J' }));
+    }
+
+    /// The place of a type of observation in the records of a system.
+    fn place(&self, system: char, name: &str) -> Option<usize> {
+        let (.., names) = self.names.iter().find(|n| n.0 == system)?;
+        names.iter().position(|n| n.eq_ignore_ascii_case(name))
+    }
+
+    /// The same, for the records of a satellite.
+    pub fn place_of(&self, sv: Sv, name: &str) -> Option<usize> {
+        let qzss = self.version >= 3.0 && sv.constellation() == Constellation::Qzss;
+        self.place(if qzss { 'J' } else { 'G' }, name)
     }
 
     /// GPS time of a date as the file prints it.

@@ -6,6 +6,8 @@
 //! the satellite approaches. Standard deviations are those of [`typical_noise`] at the file's C/N0, which is
 //! S1, or else the middle of the class that the signal strength digit names, or else unknown (NaN).
 //!
+//! [`ObservationReader::next_pseudoranges`] gives the pseudoranges of other signals too, by their names.
+//!
 //! Read as tolerantly as files in the wild need: labels in any case, D exponents, CRLF, comments between
 //! any lines, missing trailing fields, event records and cycle-slip records. What is wrong comes back with
 //! file, line and what would be right.
@@ -17,12 +19,13 @@ mod tests;
 
 pub use header::ObservationHeader;
 
-use super::ObservationEpoch;
 #[cfg(doc)]
 use super::typical_noise;
-use crate::gnss::ReadError;
+use super::{Observation, ObservationEpoch};
 use crate::gnss::records::{Line, ascii, compressed, is_compressed};
+use crate::gnss::{GpsTime, ReadError, Sv};
 use header::Signals;
+use records::{Epoch, Field};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -36,9 +39,18 @@ pub struct ObservationReader<R> {
     header: ObservationHeader,
     signals: Signals,
     /// Start of the file, for the epochs' `sample`.
-    first: Option<crate::gnss::GpsTime>,
+    first: Option<GpsTime>,
     skipped: usize,
     ended: bool,
+}
+
+/// The pseudoranges of chosen signals of all satellites at one receive instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PseudorangeEpoch {
+    /// Receive instant by the receiver's clock.
+    pub receive_time: GpsTime,
+    /// Each satellite with its pseudoranges, m, in the order of the signals asked for; none where it is missing.
+    pub satellites: Vec<(Sv, Vec<Option<f64>>)>,
 }
 
 /// Opens a RINEX observation file and reads its header.
@@ -72,6 +84,43 @@ impl<R: BufRead> ObservationReader<R> {
         &self.header
     }
 
+    /// The pseudoranges of these signals at the next epoch, none at the end of the file. Signals are named as
+    /// the file's version does: `C1C`, `C2W`, `C5Q`, of version 2 `C1`, `P2`, `C5`. Satellites that have none
+    /// of them are skipped.
+    ///
+    /// # Errors
+    /// When the record is malformed, with file, line and what would be right; the file ends there.
+    pub fn next_pseudoranges(
+        &mut self,
+        signals: &[&str],
+    ) -> Result<Option<PseudorangeEpoch>, ReadError> {
+        let epoch = self.next_epoch(|sv, places, field| {
+            let range = |name: &&str| {
+                let value = places.place_of(sv, name).map(|k| field(k).value());
+                Ok(value.transpose()?.flatten().filter(|range| *range > 0.0))
+            };
+            let ranges: Vec<Option<f64>> = signals.iter().map(range).collect::<Result<_, _>>()?;
+            Ok(ranges.iter().any(Option::is_some).then_some((sv, ranges)))
+        })?;
+        Ok(epoch.map(|Epoch { receive_time, mut satellites, .. }| {
+            satellites.sort_by_key(|satellite| satellite.0);
+            PseudorangeEpoch { receive_time, satellites }
+        }))
+    }
+
+    /// The next epoch, none at the end of the file and after an error.
+    fn next_epoch<T>(
+        &mut self,
+        take: impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
+    ) -> Result<Option<Epoch<T>>, ReadError> {
+        if self.ended {
+            return Ok(None);
+        }
+        let epoch = records::next_epoch(self, take);
+        self.ended = !matches!(epoch, Ok(Some(_)));
+        epoch
+    }
+
     /// Satellites of epochs so far that were skipped: of other systems, or without code and Doppler.
     pub fn skipped(&self) -> usize {
         self.skipped
@@ -88,12 +137,14 @@ impl<R: BufRead> Iterator for ObservationReader<R> {
     type Item = Result<ObservationEpoch, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ended {
-            return None;
-        }
-        let epoch = records::next_epoch(self).transpose();
-        self.ended = !matches!(epoch, Some(Ok(_)));
-        epoch
+        let epoch = self.next_epoch(records::observation).transpose()?;
+        Some(epoch.map(|Epoch { receive_time, power_failed, satellites }| {
+            let mut observations: Vec<Observation> = satellites;
+            observations.iter_mut().for_each(|o| o.lost_lock |= power_failed);
+            observations.sort_by_key(|o| o.sv);
+            let sample = receive_time - *self.first.get_or_insert(receive_time);
+            ObservationEpoch { receive_time, sample, observations }
+        }))
     }
 }
 

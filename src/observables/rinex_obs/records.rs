@@ -1,10 +1,10 @@
 //! The records of a RINEX observation file: epochs, their satellites, and events between them.
 
-use super::super::{CodeRange, Observation, ObservationEpoch, typical_noise};
+use super::super::{CodeRange, Observation, typical_noise};
 use super::ObservationReader;
-use super::header::Fields;
+use super::header::Signals;
 use crate::gnss::records::Line;
-use crate::gnss::{Constellation, ReadError, Sv};
+use crate::gnss::{Constellation, GpsTime, ReadError, Sv};
 use std::io::BufRead;
 
 /// Fields on a line of version 2.
@@ -14,10 +14,20 @@ const NAMES_PER_LINE: usize = 12;
 /// C/N0 that is believed, dB-Hz: files in other units lie outside.
 const BELIEVED_DBHZ: std::ops::Range<f64> = 5.0..75.0;
 
-/// The next epoch, none at the end of the file.
-pub(super) fn next_epoch<R: BufRead>(
+/// An epoch, with what was taken of each satellite's record.
+pub(super) struct Epoch<T> {
+    pub receive_time: GpsTime,
+    /// Power failed since the epoch before.
+    pub power_failed: bool,
+    pub satellites: Vec<T>,
+}
+
+/// The next epoch, none at the end of the file. `take` makes of a satellite's fields, by their places, what is
+/// wanted; none if they hold nothing of it.
+pub(super) fn next_epoch<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
-) -> Result<Option<ObservationEpoch>, ReadError> {
+    take: impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
+) -> Result<Option<Epoch<T>>, ReadError> {
     loop {
         if !reader.source.advance()? {
             return Ok(None);
@@ -41,15 +51,8 @@ pub(super) fn next_epoch<R: BufRead>(
             0 | 1 => {
                 let epoch = if modern { line.epoch(2, 4, 11)? } else { line.epoch(1, 2, 11)? };
                 let receive_time = reader.signals.gps_time(epoch);
-                let first = *reader.first.get_or_insert(receive_time);
-                let mut observations = satellites(reader, count)?;
-                if flag == 1 {
-                    // Power failed since the epoch before.
-                    observations.iter_mut().for_each(|o| o.lost_lock = true);
-                }
-                observations.sort_by_key(|o| o.sv);
-                let sample = receive_time - first;
-                return Ok(Some(ObservationEpoch { receive_time, sample, observations }));
+                let satellites = satellites(reader, count, &take)?;
+                return Ok(Some(Epoch { receive_time, power_failed: flag == 1, satellites }));
             }
             // Events: so many lines of the header follow, comments among them.
             2..=5 => {
@@ -60,7 +63,7 @@ pub(super) fn next_epoch<R: BufRead>(
                 reader.signals.resolve();
             }
             // Cycle slips, in the form of observations: they are no measurements.
-            6 => drop(satellites(reader, count)?),
+            6 => drop(satellites(reader, count, &take)?),
             other => {
                 let problem = format!("the epoch flag {other} is not known");
                 return Err(line.malformed(problem, "flags are 0 to 6"));
@@ -70,14 +73,15 @@ pub(super) fn next_epoch<R: BufRead>(
 }
 
 /// The `count` satellites of an epoch whose first line the source is at, those that are read.
-fn satellites<R: BufRead>(
+fn satellites<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     count: usize,
-) -> Result<Vec<Observation>, ReadError> {
+    take: &impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
+) -> Result<Vec<T>, ReadError> {
     let ObservationReader { source, signals, skipped, .. } = reader;
-    let mut observations = Vec::with_capacity(count);
-    let mut add = |observation: Option<Observation>| match observation {
-        Some(observation) => observations.push(observation),
+    let mut taken = Vec::with_capacity(count);
+    let mut add = |satellite: Option<T>| match satellite {
+        Some(satellite) => taken.push(satellite),
         None => *skipped += 1,
     };
     if signals.version >= 3.0 {
@@ -89,14 +93,11 @@ fn satellites<R: BufRead>(
                 return Err(line.malformed("an epoch starts before the last one ended", right));
             }
             let name = line.columns(0, 3).to_owned();
-            let observed = known(&name, &line, signals.system)?.map(|sv| {
-                let qzss = sv.constellation() == Constellation::Qzss;
-                let fields = if qzss { &signals.qzss } else { &signals.gps };
-                observation(sv, fields, |k| Field { line, start: 3 + 16 * k })
-            });
-            add(observed.transpose()?.flatten());
+            let field = |k: usize| Field { line, start: 3 + 16 * k };
+            let sv = known(&name, &line, signals.system)?;
+            add(sv.map(|sv| take(sv, signals, &field)).transpose()?.flatten());
         }
-        return Ok(observations);
+        return Ok(taken);
     }
     let mut names: Vec<(String, usize)> = Vec::with_capacity(count);
     loop {
@@ -108,10 +109,10 @@ fn satellites<R: BufRead>(
         }
         source.expect("further satellites of the epoch")?;
     }
-    let fields = &signals.gps;
+    let count = signals.gps.count.div_ceil(FIELDS_PER_LINE);
     for (name, number) in names {
-        let mut lines = Vec::with_capacity(fields.count.div_ceil(FIELDS_PER_LINE));
-        for _ in 0..fields.count.div_ceil(FIELDS_PER_LINE) {
+        let mut lines = Vec::with_capacity(count);
+        for _ in 0..count {
             source.expect("the observations of the epoch")?;
             lines.push((source.text.clone(), source.number));
         }
@@ -122,9 +123,9 @@ fn satellites<R: BufRead>(
             Field { line, start: 16 * (k % FIELDS_PER_LINE) }
         };
         let sv = known(&name, &at, signals.system)?;
-        add(sv.map(|sv| observation(sv, fields, field)).transpose()?.flatten());
+        add(sv.map(|sv| take(sv, signals, &field)).transpose()?.flatten());
     }
-    Ok(observations)
+    Ok(taken)
 }
 
 /// The satellite that a name such as `G07`, `G 7` or `7` means, none of a system that is skipped.
@@ -144,14 +145,14 @@ fn known(name: &str, line: &Line, system: char) -> Result<Option<Sv>, ReadError>
 }
 
 /// One field of a record: value of 14 columns, loss of lock, signal strength.
-struct Field<'a> {
+pub(super) struct Field<'a> {
     line: Line<'a>,
     start: usize,
 }
 
 impl Field<'_> {
     /// The value; blank and zero mean that it is missing.
-    fn value(&self) -> Result<Option<f64>, ReadError> {
+    pub fn value(&self) -> Result<Option<f64>, ReadError> {
         Ok(self.line.real(self.start, 14)?.filter(|v| *v != 0.0))
     }
 
@@ -167,11 +168,13 @@ impl Field<'_> {
 }
 
 /// The observation of a satellite; none if it has neither code nor Doppler.
-fn observation<'a>(
+pub(super) fn observation<'a>(
     sv: Sv,
-    fields: &Fields,
-    field: impl Fn(usize) -> Field<'a>,
+    signals: &Signals,
+    field: &dyn Fn(usize) -> Field<'a>,
 ) -> Result<Option<Observation>, ReadError> {
+    let qzss = sv.constellation() == Constellation::Qzss;
+    let fields = if qzss { &signals.qzss } else { &signals.gps };
     let value = |k: Option<usize>| k.map_or(Ok(None), |k| field(k).value());
     let mut code = None;
     for &k in &fields.code {
