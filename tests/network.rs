@@ -3,6 +3,8 @@
 #[path = "network/command.rs"]
 mod command;
 mod common;
+#[path = "network/figures.rs"]
+mod figures;
 #[path = "network/filter.rs"]
 mod filter;
 #[path = "network/quality.rs"]
@@ -15,6 +17,13 @@ mod stations;
 use libtest_mimic::Arguments;
 
 fn main() {
-    let groups = [reference::trials(), command::trials(), quality::trials(), stations::trials(), filter::trials()];
+    let groups = [
+        reference::trials(),
+        command::trials(),
+        quality::trials(),
+        figures::trials(),
+        stations::trials(),
+        filter::trials(),
+    ];
     libtest_mimic::run(&Arguments::from_args(), groups.into_iter().flatten().collect()).exit();
 }

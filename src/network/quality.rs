@@ -144,3 +144,68 @@ impl LocalTests {
         (0..self.checked.len()).filter(same).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::{Datum, Normals};
+
+    #[test]
+    fn limits_are_those_of_the_closed_forms() {
+        let levels = Levels::default();
+        // Tables of the normal law: 3.29053 at 0.1 % two-sided, 0.84162 at 80 %.
+        assert!((levels.observation_limit() - 3.290_53).abs() < 1e-5);
+        assert!((levels.shift() - 4.132_15).abs() < 1e-5);
+        assert!((levels.largest_limit(1.0) - 2.575_83).abs() < 1e-5);
+        // The tail of chi-square of two degrees of freedom is exp(-T/2).
+        let none = DMatrix::zeros(1, 1);
+        let solution = |freedom| Solution {
+            x: DVector::zeros(1),
+            covariance: none.clone(),
+            misfit: 9.3,
+            freedom,
+        };
+        let test = ModelTest::new(&solution(2.0), 0.01);
+        assert!((test.limit + 2.0 * 0.01f64.ln()).abs() < 1e-8 && test.rejects());
+        assert!(!ModelTest::new(&solution(0.0), 0.01).rejects());
+    }
+
+    #[test]
+    fn observations_of_one_number_are_tested_by_their_distance_from_the_mean() {
+        let l = DVector::from_row_slice(&[1.0, 2.0, 0.5, 7.0]);
+        let sigma: f64 = 0.5;
+        let design = DMatrix::from_element(4, 1, 1.0);
+        let model = LinearModel::independent(design, l.clone(), &[1.0 / sigma.powi(2); 4]);
+        let solution = model.normals().solve(Datum::Observed).unwrap();
+        let tests = LocalTests::new(&model, &solution);
+        let spread = sigma * (1.0 - 0.25f64).sqrt();
+        for (w, l_j) in tests.statistics().iter().zip(&l) {
+            assert!((w - (l_j - l.mean()) / spread).abs() < 1e-12);
+        }
+        // A bias b moves the residual by 3/4 b, whose deviation is sigma sqrt(3/4).
+        let bias = tests.minimal_detectable(&Levels::default())[0];
+        assert!((bias - Levels::default().shift() * sigma / 0.75f64.sqrt()).abs() < 1e-12);
+        assert_eq!((tests.worst().map(|w| w.0), tests.twins(3)), (Some(3), vec![3]));
+    }
+
+    #[test]
+    fn a_receiver_of_two_satellites_has_twins_and_one_alone_is_not_checked() {
+        let see = |satellites: &[usize], l: &[f64]| {
+            let row = |k: usize, j: usize| if satellites[k] == j { 1.0 } else { 0.0 };
+            let design = DMatrix::from_fn(satellites.len(), 3, row);
+            let l = DVector::from_row_slice(l);
+            LinearModel::with_receiver_bias(design, l, &vec![2.0; satellites.len()])
+        };
+        let models =
+            [see(&[0, 1], &[0.0, 1.0]), see(&[0, 1], &[5.0, 8.0]), see(&[1, 2], &[0.0, 0.0])];
+        let mut sum = Normals::none(3);
+        models.iter().for_each(|model| sum.add(&model.normals()));
+        let solution = sum.solve(Datum::ZeroMean).unwrap();
+        let first = LocalTests::new(&models[0], &solution);
+        assert_eq!((first.worst().map(|w| w.0), first.twins(0)), (Some(0), vec![0, 1]));
+        // Satellite 2 is tied to the others by the third receiver alone.
+        let third = LocalTests::new(&models[2], &solution);
+        assert_eq!((third.statistics(), third.worst()), (vec![0.0, 0.0], None));
+        assert!(third.minimal_detectable(&Levels::default())[0].is_infinite());
+    }
+}

@@ -3,21 +3,13 @@
 //! Each node counts for how long it has been quiet *everywhere within reach of its hearing*:
 //! calm <- 1 + the least that its neighbours told if it is quiet itself, else 0. A count of k means that each
 //! node within k - 1 hops was quiet, so that a count above the diameter means everybody was. A node is quiet
-//! when it has been near agreement for some rounds.
+//! when it has been near agreement for some rounds; what is near, its [`Monitor`](super::monitor::Monitor) says:
+//! a tenth of a standard deviation. Of a neighbour that has died, the last word stands.
 
-use super::consensus::Residuals;
 use std::collections::BTreeMap;
 
 /// Rounds that a node must be near agreement.
 const ROUNDS: u32 = 3;
-/// What is near, in standard deviations of the estimate.
-const NEAR: f64 = 0.1;
-
-/// Whether residuals are near agreement for an estimate of this standard deviation, in the same unit.
-pub fn near(residuals: &Residuals, sigma: f64) -> bool {
-    residuals.primal < NEAR * sigma && residuals.dual < NEAR * sigma
-}
-
 /// A node's count.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stopping {
