@@ -10,6 +10,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -59,7 +60,11 @@ pub struct Packets {
     pub refused: BTreeMap<String, u64>,
 }
 
+/// One network at a time: what is measured is not how two of them share a processor.
+static TURN: Mutex<()> = Mutex::new(());
+
 pub struct Network {
+    _turn: MutexGuard<'static, ()>,
     folder: TempDir,
     pub setup: NetworkSetup,
     pub centre: Solution,
@@ -81,6 +86,7 @@ impl Network {
 
     /// The same, with an error of 20 sigma in the first observation of a node; the centre does without that.
     pub fn with_fault(node_file: &str, faulty: Option<usize>) -> Self {
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         // All at once, so that they differ.
         let free: Vec<_> = (0..NODES).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
@@ -135,12 +141,15 @@ impl Network {
             sum.add(&model.normals());
         }
         let centre = sum.solve(setup.agreement.datum).unwrap();
-        Self { folder, setup, centre, processes: (0..NODES).map(|_| None).collect() }
+        let processes = (0..NODES).map(|_| None).collect();
+        Self { _turn: turn, folder, setup, centre, processes }
     }
 
-    /// With all of its nodes running.
+    /// With all of its nodes running: on a machine that is busy with other things, a program takes its time to
+    /// start.
     pub fn started(mut self) -> Self {
         (0..NODES).for_each(|k| self.start(k));
+        self.until(60, |network| (0..NODES).all(|k| network.status(k).is_some()));
         self
     }
 
