@@ -88,6 +88,7 @@
 //! # }
 //! ```
 
+// A process of a network needs `network` and `network_file` alone, and builds without the feature `receiver`.
 #[cfg(feature = "receiver")]
 pub mod acquisition;
 #[cfg(feature = "receiver")]
