@@ -24,9 +24,9 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Iterations that shrink a disagreement by a factor.
+    /// Iterations that leave this share of a disagreement, below 1.
     pub fn iterations(&self, factor: f64) -> usize {
-        (factor.ln() / -self.radius.ln()).ceil().max(0.0) as usize
+        (factor.ln() / self.radius.ln()).ceil().max(0.0) as usize
     }
 }
 
@@ -162,6 +162,12 @@ mod tests {
         // factor that 40 roots bring near 1.
         let rate = (deviations[55] / deviations[15]).powf(1.0 / 40.0);
         assert!((rate - plan.radius).abs() < 0.05, "{rate} {}", plan.radius);
+    }
+
+    #[test]
+    fn a_radius_of_a_half_leaves_a_thousandth_after_ten_iterations() {
+        let plan = Plan { rho: 1.0, relaxation: 1.0, radius: 0.5 };
+        assert_eq!(plan.iterations(1e-3), 10);
     }
 
     #[test]

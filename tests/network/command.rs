@@ -28,7 +28,7 @@ fn make(folder: &Path) -> Result<String, Failed> {
 }
 
 fn run(arguments: &[&str]) -> Result<Value, Failed> {
-    let output = sdr_rx(&[&["run", "--json"], arguments].concat())?.output()?;
+    let output = sdr_rx(&[&["run"], arguments, &["--json"]].concat())?.output()?;
     if !output.status.success() {
         return Err(String::from_utf8_lossy(&output.stderr).into_owned().into());
     }
