@@ -4,9 +4,10 @@ use super::experiment::thousandths;
 use anyhow::{Context, ensure};
 use sdr_rx::network::consensus::{NodeOptions, Rule};
 use sdr_rx::network::message::Suspect;
+use sdr_rx::network::monitor::Verdict;
 use sdr_rx::network::quality::{Levels, ModelTest};
 use sdr_rx::network::sim::{self, Conditions, Simulation};
-use sdr_rx::network::solver::Estimate;
+use sdr_rx::network::solver::{Estimate, Solver};
 use sdr_rx::network::station::Station;
 use sdr_rx::network::{LinearModel, Normals, Solution};
 use sdr_rx::network_file::NetworkSetup;
@@ -82,6 +83,9 @@ impl Fault {
     }
 }
 
+/// How many times the rounds that a graph needs are waited for a verdict.
+const PATIENCE: u64 = 20;
+
 /// Steadiest over links that lose and delay.
 const ASYNCHRONOUS_RELAXATION: f64 = 1.3;
 
@@ -149,7 +153,12 @@ fn drive(
     let mut trace = Vec::new();
     let conditions = Conditions { loss: args.loss, ..Conditions::default() };
     let mut simulation = Simulation::new(nodes, conditions, args.seed)?;
-    while (trace.len() as u64) < rounds {
+    // Nothing ends while a fault is named but not yet out, or a node still waits for the others.
+    let checked = args.rounds.is_none() && setup.agreement.solver != Solver::Admm;
+    let waits = |node: &Station| matches!(node.verdict(), Verdict::Named(_) | Verdict::Unsettled);
+    let open =
+        |nodes: &[Station], now| checked && now < PATIENCE * needed && nodes.iter().any(waits);
+    while (trace.len() as u64) < rounds || open(&simulation.nodes, trace.len() as u64) {
         match args.asynchronous {
             true => simulation.tick(),
             false => sim::iterate(&mut simulation.nodes),
@@ -162,7 +171,7 @@ fn drive(
             rounds = args.rounds.unwrap_or(now + needed);
         }
         trace.push(worst(&simulation.nodes, &goal));
-        bar.set_position(1000 * now / rounds);
+        bar.set_position(1000 * now / rounds.max(now));
     }
     bar.finish_and_clear();
     Ok((simulation.nodes, trace))
