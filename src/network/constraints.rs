@@ -150,24 +150,11 @@ pub fn matching(graph: &Graph) -> Vec<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::network::NINE_NODES;
 
     /// The nine nodes of the paper's figure 5, numbered from 0.
     fn nine() -> Graph {
-        let links = [
-            (0, 1),
-            (1, 2),
-            (2, 4),
-            (2, 5),
-            (2, 6),
-            (2, 7),
-            (1, 3),
-            (3, 4),
-            (4, 5),
-            (5, 6),
-            (6, 8),
-            (7, 8),
-        ];
-        Graph::new(9, &links).unwrap()
+        Graph::new(9, &NINE_NODES).unwrap()
     }
 
     #[test]

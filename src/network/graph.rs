@@ -3,6 +3,23 @@
 use super::NetworkError;
 use std::collections::VecDeque;
 
+/// The links of the nine nodes of figure 5 of Khodabandeh & Teunissen 2019, numbered from 0; the figure's
+/// constraint nodes are 0, 2, 3, 5 and 8.
+pub const NINE_NODES: [(usize, usize); 12] = [
+    (0, 1),
+    (1, 2),
+    (2, 4),
+    (2, 5),
+    (2, 6),
+    (2, 7),
+    (1, 3),
+    (3, 4),
+    (4, 5),
+    (5, 6),
+    (6, 8),
+    (7, 8),
+];
+
 /// An undirected graph without loops; nodes are numbered from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {

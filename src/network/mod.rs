@@ -31,5 +31,5 @@ pub mod wire;
 
 pub use constraints::Constraints;
 pub use error::NetworkError;
-pub use graph::Graph;
+pub use graph::{Graph, NINE_NODES};
 pub use linear_model::{Datum, LinearModel, Normals, Solution};

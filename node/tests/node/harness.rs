@@ -4,7 +4,7 @@ use sdr_rx::network::consensus::{NodeOptions, Rule};
 use sdr_rx::network::message::Suspect;
 use sdr_rx::network::sim::Participant;
 use sdr_rx::network::station::Station;
-use sdr_rx::network::{Normals, Solution};
+use sdr_rx::network::{NINE_NODES, Normals, Solution};
 use sdr_rx::network_file::{ModelFile, NetworkFile, NetworkSetup, NodeEntry, ObservationEntry};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -15,20 +15,6 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 pub const NODES: usize = 9;
-const LINKS: [(usize, usize); 12] = [
-    (0, 1),
-    (1, 2),
-    (2, 4),
-    (2, 5),
-    (2, 6),
-    (2, 7),
-    (1, 3),
-    (3, 4),
-    (4, 5),
-    (5, 6),
-    (6, 8),
-    (7, 8),
-];
 /// The constraint nodes of the figure.
 const HUBS: [usize; 5] = [0, 2, 3, 5, 8];
 /// A constraint node with the most neighbours, and a node that is none.
@@ -103,7 +89,7 @@ impl Network {
             datum: Default::default(),
             rho: None,
             relaxation: None,
-            links: LINKS.iter().map(|&(a, b)| (name(a), name(b))).collect(),
+            links: NINE_NODES.iter().map(|&(a, b)| (name(a), name(b))).collect(),
             constraint_nodes: Some(HUBS.iter().map(|&k| name(k)).collect()),
             node: node.collect(),
             parameters: parameters.clone(),

@@ -1,13 +1,13 @@
 //! Over several networks: figure 11, the number of constraint nodes, bridges, and the conditions of the paper.
 
-use super::scene::{Layout, SATELLITES, Scene, nine_nodes};
+use super::scene::{Layout, SATELLITES, Scene};
 use super::way::Epoch;
 use crate::network::admm::Weight;
 use crate::network::info;
 use crate::network::plan::plan;
 use crate::network::sim::{self, Participant};
 use crate::network::tree::TreeNode;
-use crate::network::{Constraints, Datum, NetworkError};
+use crate::network::{Constraints, Datum, Graph, NINE_NODES, NetworkError};
 use rayon::prelude::*;
 
 /// What a network of 110 nodes showed.
@@ -88,7 +88,7 @@ pub fn constraint_nodes(count: u64, limit: usize) -> Result<Vec<[Option<usize>; 
         let mut best = [None; 3];
         for (set, best) in SETS.iter().zip(&mut best) {
             let hubs: Vec<usize> = set.iter().map(|hub| hub - 1).collect();
-            epoch.constraints = Constraints::new(&nine_nodes()?, &hubs)?;
+            epoch.constraints = Constraints::new(&Graph::new(9, &NINE_NODES)?, &hubs)?;
             for k in -8..=4 {
                 let weight = Weight::Scalar(2f64.powf(0.5 * f64::from(k)));
                 // As far as it takes to see that another rho was better: the way to its end is no more than

@@ -18,7 +18,7 @@
 
 use crate::experiment::SplitMix64;
 use crate::gnss::constants::{EARTH_RADIUS, OMEGA_EARTH};
-use crate::network::{Datum, Graph, LinearModel, NetworkError};
+use crate::network::{Datum, Graph, LinearModel, NINE_NODES, NetworkError};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -93,25 +93,6 @@ fn place(latitude: f64, longitude: f64, spread: f64, rng: &mut SplitMix64) -> Ve
     (centre + spread * Vector3::from_fn(|_, _| normal(rng))).normalize()
 }
 
-/// The graph of the paper's figure 5, numbered from 0.
-pub fn nine_nodes() -> Result<Graph, NetworkError> {
-    let links = [
-        (0, 1),
-        (1, 2),
-        (2, 4),
-        (2, 5),
-        (2, 6),
-        (2, 7),
-        (1, 3),
-        (3, 4),
-        (4, 5),
-        (5, 6),
-        (6, 8),
-        (7, 8),
-    ];
-    Graph::new(9, &links)
-}
-
 impl Scene {
     /// The network of a seed.
     ///
@@ -125,7 +106,7 @@ impl Scene {
             let stations: Vec<_> = (0..nodes).map(|_| station(layout, &mut rng)).collect();
             let turn = TAU * rng.uniform();
             let linked = match layout {
-                Layout::Nine => (nine_nodes()?, vec![0, 2, 3, 5, 8]),
+                Layout::Nine => (Graph::new(9, &NINE_NODES)?, vec![0, 2, 3, 5, 8]),
                 Layout::Hubs | Layout::Bridges => stars(&stations, layout)?,
             };
             let (graph, hubs) = &linked;
