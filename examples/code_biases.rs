@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let average = info::Average { own: info::pack(station), rho: plan.rho };
         nodes.push(Node::new(id, &constraints, average, options)?);
     }
-    let iterations = plan.iterations(1e9);
+    let iterations = plan.iterations(1e-9);
     (0..iterations).for_each(|_| sim::iterate(&mut nodes));
 
     let mut sum = Normals::none(SATELLITES);
