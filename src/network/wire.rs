@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "minutes"]
+    #[ignore = "ten million packets take minutes: run it with --ignored"]
     fn ten_million_worthless_or_forged_packets_cause_no_panic_and_have_no_effect() {
         assault(10_000_000, 2);
     }
