@@ -1,27 +1,26 @@
 //! Despreading an array: one satellite's prompt of every element and code period.
 
-use super::Acquisition;
 use crate::array::CMat;
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
 use num_complex::Complex64;
 
 /// Prompts of a satellite, one row per channel and one column per whole code period among the samples
-/// `start..end` (stream indices), at whose first the acquisition's code phase holds. Cost: one pass over the
-/// samples of every channel.
+/// `start..end` (stream indices), at whose first it has the code phase given, chips; the Doppler, Hz, is that of
+/// the middle. Cost: one pass over the samples of every channel.
 pub fn despread(
     channels: &[SampleBuffer],
     rate_hz: f64,
     (start, end): (u64, u64),
-    found: &Acquisition,
+    (doppler_hz, code_phase_chips): (f64, f64),
     table: &CodeTable,
 ) -> CMat {
-    let code_rate = CA_CHIP_RATE * (1.0 + found.doppler_hz / L1_HZ);
+    let code_rate = CA_CHIP_RATE * (1.0 + doppler_hz / L1_HZ);
     let period = CA_CODE_LENGTH as f64 / code_rate * rate_hz;
-    let chips_to_start = (CA_CODE_LENGTH as f64 - found.code_phase_chips) % CA_CODE_LENGTH as f64;
+    let chips_to_start = (CA_CODE_LENGTH as f64 - code_phase_chips) % CA_CODE_LENGTH as f64;
     let first = start as f64 + chips_to_start / code_rate * rate_hz;
     let count = ((end as f64 - first) / period).floor().max(0.0) as usize;
-    let step = found.doppler_hz / rate_hz;
+    let step = doppler_hz / rate_hz;
     CMat::from_fn(channels.len(), count, |channel, k| {
         let begin = first + k as f64 * period;
         let taps = table.taps(begin, begin + period, 0.5);

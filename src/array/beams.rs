@@ -9,19 +9,18 @@ use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use sdr_rx_linalg::{Cholesky, orthonormal_basis};
 
-/// How the weights of a beam are chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a receiver chooses the weights of its beams.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BeamKind {
-    /// Matched to the signature alone: the greatest gain in white noise, 10 log10(M) dB (van Trees 2.3).
+    /// [`Beam::conventional`]. On samples whose jammers were removed it is [`Beam::lcmv`] with nulls on them,
+    /// since the signature measured there has nothing along them.
+    #[default]
     Conventional,
-    /// Least output power with the signature passed undistorted: Capon's beam (van Trees 6.2.1), from the
-    /// covariance of the samples with a little diagonal loading.
+    /// [`Beam::mvdr`]: against interference too weak to be found as a jammer.
     Mvdr,
-    /// Matched to the signature with exact nulls on given directions (van Trees 6.7).
-    Lcmv,
 }
 
-/// Share of the mean power that is added to the covariance's diagonal for [`BeamKind::Mvdr`]: with
+/// Share of the mean power that is added to the covariance's diagonal for [`Beam::mvdr`]: with
 /// fewer samples than some hundred per element the weights would else follow the noise.
 const LOADING: f64 = 1e-2;
 
@@ -44,12 +43,13 @@ impl Beam {
         Self { weights: (0..elements).map(weight).collect() }
     }
 
-    /// The conventional beam to a signature.
+    /// Matched to the signature alone: the greatest gain in white noise, 10 log10(M) dB (van Trees 2.3).
     pub fn conventional(signature: &[Complex64]) -> Self {
         Self::normalised(signature.to_vec(), signature)
     }
 
-    /// Capon's beam, from the covariance of the samples of all elements.
+    /// Capon's beam: least output power with the signature passed undistorted (van Trees 6.2.1), from the
+    /// covariance of the samples of all elements with a little diagonal loading.
     pub fn mvdr(signature: &[Complex64], covariance: &CMat) -> Self {
         let m = signature.len();
         let power = (0..m).map(|k| covariance[(k, k)].re).sum::<f64>() / m as f64;
@@ -66,7 +66,8 @@ impl Beam {
         }
     }
 
-    /// Matched to the signature with nulls on the columns of `interference` (fewer than the elements).
+    /// Matched to the signature with exact nulls on the columns of `interference`, fewer than the elements (van
+    /// Trees 6.7).
     pub fn lcmv(signature: &[Complex64], interference: &CMat) -> Self {
         let m = signature.len();
         let basis = orthonormal_basis(interference);

@@ -30,7 +30,7 @@ pub mod signature;
 mod sky;
 pub mod sparse;
 
-pub use beams::Beam;
+pub use beams::{Beam, BeamKind};
 pub use crb::cramer_rao;
 pub use dictionary::{degree_grid, dictionary, paper_dictionary};
 pub use jane::{Decision, Jane, JaneError, JaneOptions, Source};
@@ -38,7 +38,7 @@ pub use look::{Jammer, LookError, LookOptions, SkyPicture, look};
 pub use manifold::{Bearing, Manifold, Point};
 pub use row_rule::{Group, row_noise, row_rule};
 pub use signature::{Arrival, Signature, arrival};
-pub use sky::{ArraySky, BlindCount, Prediction, SatelliteArrival};
+pub use sky::{ArraySky, BlindCount, Prediction, SatelliteArrival, SkyEpoch};
 pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
 
 pub use sdr_rx_linalg::CMat;

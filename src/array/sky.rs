@@ -64,6 +64,15 @@ pub struct ArraySky {
     pub one_direction: Option<OneDirection>,
 }
 
+/// The satellites of an array's sky at one instant of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyEpoch {
+    /// Index of the sample in the middle of what was despread.
+    pub sample: u64,
+    /// The satellites that were clear then.
+    pub sky: ArraySky,
+}
+
 impl ArraySky {
     /// Adds the signatures of satellites; `manifold` where the array's geometry is known.
     pub fn add(

@@ -36,7 +36,7 @@ pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     let outcome = receiver::look(source.as_mut(), &options, args.seconds)?;
     let sky = outcome.sky.as_ref();
     if let (Some(path), Some(sky)) = (&args.svg, sky) {
-        write_atomically(path, arrival_plot(sky)?.as_bytes())
+        write_atomically(path, arrival_plot(sky, &[])?.as_bytes())
             .with_context(|| format!("writing '{}'", path.display()))?;
     }
     Printed {

@@ -54,6 +54,7 @@ impl Printed<'_> {
             input: report::Input::Samples(&stream),
             acquisitions: &acquisitions,
             sky: self.outcome.sky.as_ref(),
+            sky_epochs: &self.outcome.sky_epochs,
             epochs: &self.outcome.epochs,
             fixes: &self.outcome.fixes,
             navigation: &self.outcome.navigation,

@@ -5,7 +5,7 @@ use super::input::{Input, si_number};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
-use sdr_rx::array::{Engine, LookOptions, SparseOptions};
+use sdr_rx::array::{BeamKind, Engine, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
@@ -51,6 +51,10 @@ pub struct Receive {
     /// Solver of the sparse problem that looks for sources: the fast one, or LDA-l1,1 as published
     #[arg(long, value_name = "ENGINE", default_value = "admm", help_heading = "Array")]
     pub engine: EngineArg,
+    /// Beams to the satellites: to the signature measured, with nulls on jammers found; or Capon's (MVDR), against
+    /// interference too weak to be found
+    #[arg(long, value_name = "KIND", default_value = "conventional", help_heading = "Array")]
+    pub beam: BeamArg,
     /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
     #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Search")]
     pub suppress: Suppression,
@@ -134,6 +138,24 @@ impl From<EngineArg> for Engine {
     }
 }
 
+/// `--beam`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BeamArg {
+    /// Matched to the signature.
+    Conventional,
+    /// Least output power.
+    Mvdr,
+}
+
+impl From<BeamArg> for BeamKind {
+    fn from(beam: BeamArg) -> Self {
+        match beam {
+            BeamArg::Conventional => Self::Conventional,
+            BeamArg::Mvdr => Self::Mvdr,
+        }
+    }
+}
+
 /// Rate that automatic decimation keeps at least, Hz.
 const ENOUGH_RATE_HZ: f64 = 4e6;
 
@@ -170,6 +192,7 @@ impl Receive {
                 sparse: SparseOptions { engine: self.engine.into(), ..SparseOptions::default() },
                 ..LookOptions::default()
             },
+            beams: self.beam.into(),
             suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
         }
@@ -185,6 +208,8 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "search_windows": options.search.max_windows,
         "pfa": options.search.false_alarm,
         "array": options.array,
+        "engine": options.array.as_ref().map(|_| format!("{:?}", options.look.sparse.engine).to_lowercase()),
+        "beam": format!("{:?}", options.beams).to_lowercase(),
         "suppress": options.suppression.to_string(),
         "decimation": options.decimation,
         "coherent_ms": options.tracking.coherent_ms,

@@ -239,6 +239,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         input: Input::Observations { version: header.version },
         acquisitions: &[],
         sky: None,
+        sky_epochs: &[],
         epochs: &solved.epochs,
         fixes: &solved.fixes,
         navigation: &navigation,

@@ -1,12 +1,13 @@
 //! Finding satellites in a stretch of samples: searched over all channels, then refined on a beam each.
 
 use super::input::CHUNK_S;
+use super::spatial::head_covariance;
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, despread,
     remove_shadows,
 };
 use crate::array::interference::Interference;
-use crate::array::{Beam, Signature};
+use crate::array::{Beam, BeamKind, CMat, Signature};
 use crate::capture::Block;
 use crate::correlator::{CodeTable, SampleBuffer};
 use num_complex::Complex32;
@@ -29,11 +30,32 @@ pub(super) struct Found {
     pub(super) spatial: Option<(Signature, Beam)>,
 }
 
+/// Makes beams to signatures measured in a block.
+pub(super) struct BeamFormer {
+    /// Of the samples, for beams that look at it.
+    covariance: Option<CMat>,
+}
+
+impl BeamFormer {
+    pub(super) fn new(kind: BeamKind, block: &Block) -> Self {
+        let looks = kind == BeamKind::Mvdr && block.channels() > 1;
+        Self { covariance: looks.then(|| head_covariance(block)) }
+    }
+
+    pub(super) fn beam(&self, signature: &Signature) -> Beam {
+        match &self.covariance {
+            None => Beam::conventional(&signature.response),
+            Some(covariance) => Beam::mvdr(&signature.response, covariance),
+        }
+    }
+}
+
 /// A stretch `start..end` (stream indices) of samples, held twice: as they are, and as correlators read
 /// them.
 pub(super) struct Region<'a> {
     pub(super) block: &'a Block,
     pub(super) buffers: &'a [SampleBuffer],
+    pub(super) beams: &'a BeamFormer,
     pub(super) rate_hz: f64,
     pub(super) start: u64,
     pub(super) end: u64,
@@ -110,9 +132,10 @@ impl Region<'_> {
             return None;
         }
         let end = self.end.min(self.start + (CHUNK_S * self.rate_hz) as u64);
-        let prompts = despread(self.buffers, self.rate_hz, (self.start, end), cell, table);
+        let at = (cell.doppler_hz, cell.code_phase_chips);
+        let prompts = despread(self.buffers, self.rate_hz, (self.start, end), at, table);
         let signature = Signature::estimate(&prompts)?;
-        let beam = Beam::conventional(&signature.response);
+        let beam = self.beams.beam(&signature);
         Some((signature, beam))
     }
 

@@ -1,9 +1,10 @@
 //! The start of a stream, searched and refined.
 
-use super::find::{Found, Region, search};
+use super::find::{BeamFormer, Found, Region, search};
 use super::input::Head;
+use super::sky::see;
 use super::survey::survey;
-use super::{Outcome, ReceiverError, ReceiverOptions, see};
+use super::{Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
 };
@@ -50,8 +51,9 @@ pub(super) fn acquire_head(
         asked.max_windows = deep;
         cells = search_rest(&asked)?;
     }
-    let region =
-        |end: u64| Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };
+    let beams = &BeamFormer::new(options.beams, &head.block);
+    let (block, buffers) = (&head.block, &head.buffers[..]);
+    let region = |end: u64| Region { block, buffers, beams, rate_hz, start: 0, end };
     // In 0.1 s even the code of a mirrored satellite stays within a chip of where it is expected.
     let short = refine.min((MIRROR_S * rate_hz) as u64);
     let mut found = region(short).refine_all(&cells, &asked);

@@ -3,25 +3,24 @@
 mod find;
 mod head;
 mod input;
+mod sky;
 mod spatial;
 mod survey;
 mod tracker;
 
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
-use crate::array::interference::Interference;
-use crate::array::{ArraySky, LookOptions, Manifold};
+use crate::array::{ArraySky, BeamKind, LookOptions, SkyEpoch};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
-use crate::gnss::antenna::{ArrayDescription, direction};
+use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{GpsTime, NavigationData};
 use crate::observables::{ObservationEpoch, snapshot_epoch};
-use crate::positioning::{
-    Fix, PositioningError, Residual, SnapshotOptions, TimeSearch, solve_snapshot,
-};
+use crate::positioning::{Fix, PositioningError, SnapshotOptions, TimeSearch, solve_snapshot};
 use crate::tracking::TrackingOptions;
-use find::{Found, Region};
+use find::{BeamFormer, Region};
 use head::acquire_head;
 use input::Input;
+use sky::{judge_sky, see};
 use survey::survey;
 use tracker::track_all;
 
@@ -59,6 +58,8 @@ pub struct ReceiverOptions {
     pub array: Option<ArrayDescription>,
     /// How an array looks for sources.
     pub look: LookOptions,
+    /// How an array's beams to the satellites are made.
+    pub beams: BeamKind,
     /// What is done about impulsive noise, before anything else.
     pub suppression: Suppression,
     /// Integer factor by which the rate is lowered then.
@@ -77,6 +78,7 @@ impl Default for ReceiverOptions {
             interval_s: 1.0,
             array: None,
             look: LookOptions::default(),
+            beams: BeamKind::default(),
             suppression: Suppression::default(),
             decimation: 1,
         }
@@ -123,6 +125,8 @@ pub struct Outcome {
     pub samples: u64,
     /// The satellites as an array sees them; absent with one channel.
     pub sky: Option<ArraySky>,
+    /// The same while they are tracked, about once a second.
+    pub sky_epochs: Vec<SkyEpoch>,
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<ImpulseReport>,
     /// What a person should know.
@@ -151,7 +155,7 @@ pub fn acquire(
         &mut outcome,
     )?;
     outcome.noise = input.noise();
-    judge_sky(&mut outcome, options);
+    judge_sky(&mut outcome, input.rate_hz(), options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
@@ -173,30 +177,18 @@ pub fn look(
         acquire_head(&head, rate_hz, options, end, None, &mut outcome)?;
     } else {
         let survey = survey(&head.block, rate_hz, input.interference(), options)?;
-        let region = Region { block: &head.block, buffers: &head.buffers, rate_hz, start: 0, end };
+        let beams = &BeamFormer::new(options.beams, &head.block);
+        let (block, buffers) = (&head.block, &head.buffers[..]);
+        let region = Region { block, buffers, beams, rate_hz, start: 0, end };
         let found = region.refine_all(&survey.cells, &options.search);
         outcome.acquisitions = found.iter().map(|f| f.refined).collect();
         outcome.warnings = survey.warnings;
         outcome.sky = Some(see(survey.sky, &found, rate_hz, input.interference(), options));
     }
     outcome.noise = input.noise();
-    judge_sky(&mut outcome, options);
+    judge_sky(&mut outcome, input.rate_hz(), options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
-}
-
-/// The sky with the signatures of the satellites found.
-fn see(
-    mut sky: ArraySky,
-    found: &[Found],
-    rate_hz: f64,
-    interference: Option<&Interference>,
-    options: &ReceiverOptions,
-) -> ArraySky {
-    let manifold = manifold(interference, options);
-    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
-    sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
-    sky
 }
 
 /// The whole receiver. `progress` is told the samples done after each chunk.
@@ -225,26 +217,9 @@ pub fn process(
         }
     }
     outcome.noise = input.noise();
-    judge_sky(&mut outcome, options);
+    judge_sky(&mut outcome, input.rate_hz(), options);
     outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
-}
-
-/// The array's manifold, where its geometry is known, as the samples show it beside jammers.
-fn manifold(interference: Option<&Interference>, options: &ReceiverOptions) -> Option<Manifold> {
-    let whole = Manifold::new(options.array.as_ref()?.in_enu());
-    Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
-}
-
-/// Compares the array's sky with the first fix, and warns.
-fn judge_sky(outcome: &mut Outcome, options: &ReceiverOptions) {
-    let Some(sky) = &mut outcome.sky else { return };
-    if let (Some(array), Some(fix)) = (&options.array, outcome.fixes.first()) {
-        let towards = |r: &Residual| (r.sv, direction(r.azimuth, r.elevation));
-        let expected: Vec<_> = fix.residuals.iter().map(towards).collect();
-        sky.predict(&Manifold::new(array.in_enu()), &expected);
-    }
-    outcome.warnings.extend(sky.warnings());
 }
 
 /// The fix of a snapshot.

@@ -1,5 +1,6 @@
 //! What an array needs before anything else: equal noise in all elements, and no jammer.
 
+use crate::array::CMat;
 use crate::array::covariance::covariance;
 use crate::array::interference::Interference;
 use crate::capture::Block;
@@ -28,10 +29,7 @@ impl SpatialFilter {
             self.gains = floors.iter().map(|f| Complex64::from(gain(f))).collect();
         }
         block.weight_channels(&self.gains);
-        let len = block.len().min(LOOK);
-        let looked: Vec<&[Complex32]> =
-            (0..block.channels()).map(|c| &block.channel(c)[..len]).collect();
-        let interference = Interference::find(&covariance(&looked));
+        let interference = Interference::find(&head_covariance(block));
         if !interference.is_empty() {
             let mut channels: Vec<&mut [Complex32]> = block.channels_mut().collect();
             interference.remove(&mut channels);
@@ -43,6 +41,14 @@ impl SpatialFilter {
     pub(super) fn interference(&self) -> Option<&Interference> {
         self.interference.as_ref()
     }
+}
+
+/// Covariance of the elements' first samples.
+pub(super) fn head_covariance(block: &Block) -> CMat {
+    let len = block.len().min(LOOK);
+    let looked: Vec<&[Complex32]> =
+        (0..block.channels()).map(|c| &block.channel(c)[..len]).collect();
+    covariance(&looked)
 }
 
 /// Median power of the samples: impulses do not move it.

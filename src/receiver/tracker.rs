@@ -1,14 +1,16 @@
 //! All satellites followed from the first sample to the last, and what comes of it.
 
-use super::find::{Found, Region, search};
+use super::find::{BeamFormer, Found, Region, search};
 use super::head::deep_windows;
 use super::input::{CHUNK_S, Head, Input};
+use super::sky::manifold;
 use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
-use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
-use crate::array::Beam;
+use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions, despread};
 use crate::array::interference::Interference;
+use crate::array::{ArraySky, Beam, Signature, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::navigation::{FrameDecoder, NavigationCollector, Update};
 use crate::observables::{ObservationEpoch, TrackLog, observation_epochs};
@@ -18,12 +20,17 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// How often lost satellites are searched again, and all that are not tracked, s.
+/// How often beams are turned to where their satellites are now, and lost satellites are searched again, s.
 const RETRY_S: f64 = 1.0;
+/// How often all that are not tracked are searched, s.
 const SEARCH_AGAIN_S: f64 = 30.0;
 
 /// Doppler interval around the last known one in which a lost satellite is searched, Hz.
 const RETRY_HZ: f64 = 500.0;
+
+/// Variance (of a response of 1) up to which a beam follows a signature: C/N0 of some 22 dB-Hz in a chunk. What
+/// noise alone passes for has 0.3 and more, so that a beam stays where it was while its satellite is hidden.
+const CLEAR_SIGNATURE: f64 = 0.1;
 
 /// Receive time of the first guess: flight time of the nearest satellite, s.
 const FLIGHT_S: f64 = 0.068;
@@ -107,6 +114,28 @@ impl Track {
         self.log.extend(&self.epochs, &self.channel.quality(), spacing);
     }
 
+    /// Turns the beam to where the satellite is in the newest chunk, which has been tracked, and gives what the
+    /// elements see of it if that is clear. Cost: one pass over the chunk's channels.
+    fn follow(
+        &mut self,
+        buffers: &[SampleBuffer],
+        beams: &BeamFormer,
+        rate_hz: f64,
+    ) -> Option<(Sv, Signature)> {
+        let is_locked = self.channel.lock() == LockState::Locked;
+        let feed = self.feed.as_mut().filter(|_| is_locked)?;
+        let (first, middle) = (self.epochs.first()?, self.epochs.get(self.epochs.len() / 2)?);
+        let start = (first.start_sample as u64).max(buffers[0].first_sample());
+        let code_rate = CA_CHIP_RATE * (1.0 + middle.doppler_hz / L1_HZ);
+        let chips = (start as f64 - first.start_sample) / rate_hz * code_rate;
+        let at = (middle.doppler_hz, chips.rem_euclid(CA_CODE_LENGTH as f64));
+        let span = (start, buffers[0].end());
+        let prompts = despread(buffers, rate_hz, span, at, self.channel.code_table());
+        let signature = Signature::estimate(&prompts).filter(|s| s.variance < CLEAR_SIGNATURE)?;
+        feed.beam = beams.beam(&signature);
+        Some((self.log.sv, signature))
+    }
+
     /// Hands the new bits to the decoder, and what it gives to the collector. Says whether an ephemeris
     /// came.
     fn decode(&mut self, collector: &mut NavigationCollector) -> bool {
@@ -148,6 +177,8 @@ struct Tracker<'a> {
     ready: BTreeMap<Sv, f64>,
     /// Jumps of code phases seen when tracks were taken up again: sample, jump in s.
     jumps: Vec<(u64, f64)>,
+    /// Where an array saw the satellites, look by look.
+    sky_epochs: Vec<SkyEpoch>,
 }
 
 pub(super) fn track_all(
@@ -176,6 +207,7 @@ pub(super) fn track_all(
             .map_or_else(NavigationCollector::default, |t| NavigationCollector::new(t.week())),
         ready: BTreeMap::new(),
         jumps: Vec::new(),
+        sky_epochs: Vec::new(),
     };
     let Head { mut buffers, .. } = head;
     let (mut chunk, mut next) = (Block::default(), Block::default());
@@ -195,6 +227,7 @@ pub(super) fn track_all(
                 next_search = done_s + SEARCH_AGAIN_S;
             }
             if !chunk.is_empty() {
+                tracker.follow(&buffers, &chunk);
                 tracker.search_again(&buffers, &chunk, all)?;
             }
         }
@@ -246,6 +279,20 @@ impl Tracker<'_> {
         }
     }
 
+    /// Turns the beams of an array to where the satellites are in the newest chunk, and notes where that is.
+    fn follow(&mut self, buffers: &[SampleBuffer], chunk: &Block) {
+        if buffers.len() < 2 {
+            return;
+        }
+        let (beams, rate_hz) = (BeamFormer::new(self.options.beams, chunk), self.rate_hz);
+        let follow = |track: &mut Track| track.follow(buffers, &beams, rate_hz);
+        let signatures = self.tracks.par_iter_mut().filter_map(follow).collect();
+        let mut sky = ArraySky::default();
+        sky.add(signatures, rate_hz, manifold(self.interference.as_ref(), self.options).as_ref());
+        let sample = chunk.first_sample() + chunk.len() as u64 / 2;
+        self.sky_epochs.push(SkyEpoch { sample, sky });
+    }
+
     /// Searches the newest chunk for lost satellites, and for `all` others where asked.
     fn search_again(
         &mut self,
@@ -273,7 +320,8 @@ impl Tracker<'_> {
                 cells.extend(self.search_chunk(chunk, &asked)?);
             }
         }
-        let region = Region { block: chunk, buffers, rate_hz: self.rate_hz, start, end };
+        let beams = &BeamFormer::new(self.options.beams, chunk);
+        let region = Region { block: chunk, buffers, beams, rate_hz: self.rate_hz, start, end };
         for found in region.refine_all(&cells, &self.options.search) {
             let mut track = Track::new(&found, start, chunk, self.rate_hz, &self.options.tracking);
             track.advance(&buffers[0], self.spacing);
@@ -302,7 +350,8 @@ impl Tracker<'_> {
     }
 
     /// Observations and positions of all instants, with the navigation data of the whole recording.
-    fn finish(self, outcome: &mut Outcome) {
+    fn finish(mut self, outcome: &mut Outcome) {
+        outcome.sky_epochs = std::mem::take(&mut self.sky_epochs);
         outcome.warnings.extend(self.slips());
         let mut logs = self.ended;
         logs.extend(self.lost.into_values().map(|l| l.log));

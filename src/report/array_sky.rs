@@ -1,5 +1,6 @@
 //! The sky as an antenna array sees it: as a table and as a JSON record.
 
+use super::Run;
 use crate::array::{ArraySky, Arrival, Bearing, Jammer, SatelliteArrival, Source};
 use crate::gnss::Sv;
 use serde::Serialize;
@@ -100,10 +101,41 @@ struct SatelliteRecord {
     elements: Vec<ElementRecord>,
 }
 
+/// From where the signal of one satellite came at one time.
+#[derive(Clone, Debug, Serialize)]
+pub struct DirectionRecord {
+    sv: Sv,
+    #[serde(flatten)]
+    bearing: BearingRecord,
+    sigma_deg: f64,
+    /// Whether it is not where the orbit says, where that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suspected: Option<bool>,
+}
+
 #[derive(Clone, Copy, Debug, Serialize)]
 struct ElementRecord {
     gain_db: f64,
     phase_deg: f64,
+}
+
+/// The directions of the look nearest to a sample, if one was made within a second.
+pub fn directions(run: &Run, sample: f64) -> Vec<DirectionRecord> {
+    let at_start = run.sky.map(|sky| (0.0, sky));
+    let later = run.sky_epochs.iter().map(|epoch| (epoch.sample as f64, &epoch.sky));
+    let apart = |look: &(f64, &ArraySky)| (look.0 - sample).abs();
+    let looks = at_start.into_iter().chain(later).filter(|l| apart(l) < run.input.rate_hz());
+    let nearest = looks.min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    let record = |s: &SatelliteArrival| {
+        let arrival = s.arrival.as_ref()?;
+        Some(DirectionRecord {
+            sv: s.sv,
+            bearing: arrival.bearing.into(),
+            sigma_deg: sigma_deg(arrival),
+            suspected: s.predicted.map(|p| !p.agrees),
+        })
+    };
+    nearest.iter().flat_map(|look| &look.1.satellites).filter_map(record).collect()
 }
 
 impl ArraySkyRecord {

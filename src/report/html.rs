@@ -2,8 +2,8 @@
 
 use super::kml::escape;
 use super::{
-    Input, ReportError, Run, Summary, acquisition_table, array_sky_table, east_north_plot,
-    fix_table, height_plot, sky, sky_plot,
+    Input, ReportError, Run, Summary, acquisition_table, array_sky_table, arrival_plot,
+    east_north_plot, fix_table, height_plot, sky, sky_plot,
 };
 use std::fmt::Write;
 
@@ -53,6 +53,10 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
     if let Some(sky) = run.sky {
         let table = escape(&array_sky_table(sky));
         let _ = writeln!(page, "<h2>Directions</h2>\n<pre>{table}</pre>");
+        if sky.satellites.iter().any(|s| s.arrival.is_some()) {
+            let plot = arrival_plot(sky, run.sky_epochs)?;
+            let _ = writeln!(page, "<div class=\"plots\">\n{plot}</div>");
+        }
     }
     if matches!(run.input, Input::Samples(_)) {
         let table = escape(&acquisition_table(run.acquisitions));

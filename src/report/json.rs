@@ -1,6 +1,6 @@
 //! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
 
-use super::array_sky::ArraySkyRecord;
+use super::array_sky::{ArraySkyRecord, DirectionRecord, directions};
 use super::{Accuracy, Input, Run};
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
@@ -105,6 +105,9 @@ struct FixRecord {
     hdop: f64,
     vdop: f64,
     residuals: Vec<ResidualRecord>,
+    /// From where an array saw the satellites come, at the look nearest in time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    directions: Vec<DirectionRecord>,
     /// Other places that explain the observations as well, ECEF.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     alternatives_ecef_m: Vec<[f64; 3]>,
@@ -134,7 +137,7 @@ impl Document {
             sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             first_fix_s: run.first_fix_s,
-            fixes: run.fixes.iter().map(FixRecord::new).collect(),
+            fixes: run.fixes.iter().map(|fix| FixRecord::new(fix, run)).collect(),
             accuracy: run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),
@@ -184,7 +187,7 @@ impl AcquisitionRecord {
 }
 
 impl FixRecord {
-    fn new(fix: &Fix) -> Self {
+    fn new(fix: &Fix, run: &Run) -> Self {
         let place = Geodetic::from_ecef(&fix.position_m);
         let residuals = fix.residuals.iter().map(|r| ResidualRecord {
             sv: r.sv,
@@ -216,6 +219,7 @@ impl FixRecord {
             hdop: fix.hdop,
             vdop: fix.vdop,
             residuals: residuals.collect(),
+            directions: directions(run, fix.sample),
             alternatives_ecef_m: fix.alternatives_m.iter().map(|&place| place.into()).collect(),
             excluded: fix.excluded.clone(),
         }

@@ -37,7 +37,7 @@ pub use svg::{Dot, arrival_plot, dot_plot, east_north_plot, height_plot, sky_plo
 pub use table::{acquisition_table, fix_table, noise_line, sky_text};
 
 use crate::acquisition::Acquisition;
-use crate::array::ArraySky;
+use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
@@ -77,6 +77,8 @@ pub struct Run<'a> {
     pub acquisitions: &'a [Acquisition],
     /// The satellites as an array sees them.
     pub sky: Option<&'a ArraySky>,
+    /// The same while they were tracked, in order of time.
+    pub sky_epochs: &'a [SkyEpoch],
     /// Measurements, in order of time.
     pub epochs: &'a [ObservationEpoch],
     /// Positions, in order of time.

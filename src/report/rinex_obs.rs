@@ -205,6 +205,7 @@ mod tests {
                 input: Input::Observations { version: 3.04 },
                 acquisitions: &[],
                 sky: None,
+        sky_epochs: &[],
                 epochs: &epochs,
                 fixes: &[],
                 navigation: &NavigationData::default(),

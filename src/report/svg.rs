@@ -1,7 +1,7 @@
 //! Plots as SVG. The drawing library is named in this file only.
 
 use super::{HeatMap, LinePlot, ReportError, SkyEntry, Summary};
-use crate::array::{ArraySky, Bearing};
+use crate::array::{ArraySky, Bearing, SkyEpoch};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -116,8 +116,9 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
 
 /// Directions as an array sees them, in direction cosines: of a plane east and north at the edge and the zenith
 /// in the middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow where they
-/// should be), crosses the sources found without a code, triangles jammers.
-pub fn arrival_plot(sky: &ArraySky) -> Result<String, ReportError> {
+/// should be), lines their ways while they were tracked, crosses the sources found without a code, triangles
+/// jammers.
+pub fn arrival_plot(sky: &ArraySky, later: &[SkyEpoch]) -> Result<String, ReportError> {
     let at = |bearing: Bearing| match bearing {
         Bearing::Cone(angle) => angle.sin_cos(),
         Bearing::Direction { azimuth, elevation } => {
@@ -144,6 +145,13 @@ pub fn arrival_plot(sky: &ArraySky) -> Result<String, ReportError> {
             }
             if let Some(arrival) = satellite.arrival {
                 let place = at(arrival.bearing);
+                let seen = |epoch: &SkyEpoch| {
+                    let same = epoch.sky.satellites.iter().find(|s| s.sv == satellite.sv)?;
+                    Some(at(same.arrival?.bearing))
+                };
+                let way: Vec<_> =
+                    [place].into_iter().chain(later.iter().filter_map(seen)).collect();
+                plane.draw(&PathElement::new(way, INK))?;
                 let agrees = satellite.predicted.is_none_or(|p| p.agrees);
                 let colour = if agrees { ink(0.33) } else { ink(0.0) };
                 plane.draw(&Circle::new(place, 5, colour.filled()))?;

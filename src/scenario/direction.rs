@@ -54,6 +54,9 @@ impl Direction {
 pub struct Spoofer {
     /// From where.
     pub direction: Direction,
+    /// Time from which on it does, s from the start; before, the satellites themselves are heard.
+    #[serde(default, deserialize_with = "values::finite")]
+    pub start_s: f64,
     /// Whose signals; absent: those of all satellites.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub satellites: Option<Vec<Sv>>,

@@ -91,7 +91,7 @@ impl Emission {
             segment.cycles = (begin.carrier_m - end.carrier_m) / L1_WAVELENGTH / len as f64;
             if let Some(array) = array {
                 let middle = (k as f64 + 0.5) / SEGMENTS as f64;
-                segment.response = array.response(&arrival(emitter, middle));
+                segment.response = array.response(&arrival(emitter, elapsed, middle));
             }
         }
         Ok(())
@@ -106,10 +106,10 @@ impl Emission {
     }
 }
 
-/// Direction from which a signal arrives, (east, north, up), at a share `x` (0 to 1) of the frame: linear
+/// Direction from which a signal arrives, (east, north, up), `elapsed` after the start and at a share `x` (0 to 1) of the frame: linear
 /// between the frame's ends. A satellite turns by less than 2e-4 rad/s, 2e-7 rad in a segment.
-fn arrival(emitter: &Emitter, x: f64) -> Unit<Vector3<f64>> {
-    if let Some(towards) = emitter.spoofed_from {
+fn arrival(emitter: &Emitter, elapsed: f64, x: f64) -> Unit<Vector3<f64>> {
+    if let Some(towards) = emitter.spoofed_from(elapsed) {
         return towards;
     }
     let [begin, end] = [emitter.range.view(), emitter.range.next_view()]

@@ -27,8 +27,16 @@ pub(super) struct Emitter {
     pub message: MessageStream,
     /// Carrier phase at zero range, cycles.
     pub phase: f64,
-    /// From where its signal arrives (east, north, up), when not from the satellite.
-    pub spoofed_from: Option<Unit<Vector3<f64>>>,
+    /// The spoofer that sends its signal: from where (east, north, up), and from when on, s.
+    pub spoofer: Option<(Unit<Vector3<f64>>, f64)>,
+}
+
+impl Emitter {
+    /// From where its signal arrives (east, north, up), when not from the satellite, s after the start.
+    pub fn spoofed_from(&self, elapsed: f64) -> Option<Unit<Vector3<f64>>> {
+        // What lies before the first sample is the past of the front end's filter.
+        self.spoofer.filter(|(_, start)| elapsed.max(0.0) >= *start).map(|(towards, _)| towards)
+    }
 }
 
 impl Scenario {
@@ -93,8 +101,11 @@ impl Scenario {
         };
         let trajectory = Trajectory::new(&self.receiver, self.start);
         let constellation = Arc::new(self.broadcast(&data));
-        let spoofed_from = self.spoofer.as_ref().map(|s| s.direction.towards(self.array.as_ref()));
-        let spoofed_from = spoofed_from.transpose().map_err(ScenarioError::Direction)?;
+        let spoofer = self.spoofer.as_ref().map(|s| {
+            let towards = s.direction.towards(self.array.as_ref())?;
+            Ok((towards, s.start_s))
+        });
+        let spoofer = spoofer.transpose().map_err(ScenarioError::Direction)?;
         let is_spoofed = |sv| self.spoofer.as_ref().is_some_and(|s| s.sends(sv));
         let mut emitters = Vec::new();
         for ephemeris in self.chosen(&data)? {
@@ -118,7 +129,7 @@ impl Scenario {
                 message: MessageStream::new(ephemeris, Arc::clone(&constellation))
                     .map_err(|source| ScenarioError::Message { sv, source })?,
                 phase: f64::from(rng.next_u32()) / 2f64.powi(32),
-                spoofed_from: spoofed_from.filter(|_| is_spoofed(sv)),
+                spoofer: spoofer.filter(|_| is_spoofed(sv)),
             });
         }
         if emitters.is_empty() {

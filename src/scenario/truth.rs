@@ -175,7 +175,8 @@ fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> Sate
     let view = path.view(elapsed);
     let transmit = path.transmit_time(elapsed, &view.pseudorange);
     let periods = transmit.parts().1 / CA_CODE_PERIOD;
-    let towards = emitter.spoofed_from.unwrap_or_else(|| direction(view.azimuth, view.elevation));
+    let spoofed_from = emitter.spoofed_from(elapsed);
+    let towards = spoofed_from.unwrap_or_else(|| direction(view.azimuth, view.elevation));
     SatelliteTruth {
         sv: emitter.sv,
         position_ecef_m: view.propagation.satellite.position_m.into(),
@@ -189,7 +190,7 @@ fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> Sate
         azimuth_deg: view.azimuth.to_degrees(),
         elevation_deg: view.elevation.to_degrees(),
         arrival: arrival(scenario, &towards),
-        spoofed: emitter.spoofed_from.is_some(),
+        spoofed: spoofed_from.is_some(),
         cn0_dbhz: scenario.signal.cn0_dbhz(emitter.sv, view.elevation, elapsed),
     }
 }

@@ -151,6 +151,11 @@ impl Channel {
         self.sv
     }
 
+    /// The code's replicas.
+    pub fn code_table(&self) -> &CodeTable {
+        &self.table
+    }
+
     /// What the lock detector says.
     pub fn lock(&self) -> LockState {
         self.lock.state()

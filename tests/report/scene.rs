@@ -61,6 +61,7 @@ impl Scene {
     pub fn run(&self) -> Run<'_> {
         Run {
             sky: None,
+            sky_epochs: &[],
             noise: None,
             capture: "scene & co.bin",
             input: Input::Samples(&self.stream),

@@ -1,0 +1,75 @@
+//! What an array says of the satellites: where each comes from, at the start and at every fix, and whether it
+//! should.
+
+use super::find::Found;
+use super::{Outcome, ReceiverOptions};
+use crate::array::interference::Interference;
+use crate::array::{ArraySky, Manifold, SkyEpoch};
+use crate::gnss::Sv;
+use crate::gnss::antenna::direction;
+use crate::positioning::{Fix, Residual};
+use nalgebra::{Unit, Vector3};
+
+/// A sky in which something is suspect is told of when it stays so for this many looks, a second apart.
+const CONFIRMING_LOOKS: usize = 3;
+
+/// The sky with the signatures of the satellites found.
+pub(super) fn see(
+    mut sky: ArraySky,
+    found: &[Found],
+    rate_hz: f64,
+    interference: Option<&Interference>,
+    options: &ReceiverOptions,
+) -> ArraySky {
+    let manifold = manifold(interference, options);
+    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
+    sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
+    sky
+}
+
+/// The array's manifold, where its geometry is known, as the samples show it beside jammers.
+pub(super) fn manifold(
+    interference: Option<&Interference>,
+    options: &ReceiverOptions,
+) -> Option<Manifold> {
+    let whole = Manifold::new(options.array.as_ref()?.in_enu());
+    Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
+}
+
+/// Compares the array's sky at the start with the first fix, and that of each later look with the fix nearest
+/// in time; warns of what is suspect from the start, or from when on.
+pub(super) fn judge_sky(outcome: &mut Outcome, rate_hz: f64, options: &ReceiverOptions) {
+    let Some(sky) = &mut outcome.sky else { return };
+    if let Some(array) = &options.array {
+        let manifold = Manifold::new(array.in_enu());
+        if let Some(fix) = outcome.fixes.first() {
+            sky.predict(&manifold, &towards(fix));
+        }
+        for SkyEpoch { sample, sky } in &mut outcome.sky_epochs {
+            let apart = |fix: &&Fix| (fix.sample - *sample as f64).abs();
+            let nearest = outcome.fixes.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            if let Some(fix) = nearest.filter(|fix| apart(fix) < rate_hz) {
+                sky.predict(&manifold, &towards(fix));
+            }
+        }
+    }
+    let at_start = sky.warnings();
+    if at_start.is_empty() {
+        let onset = outcome
+            .sky_epochs
+            .windows(CONFIRMING_LOOKS)
+            .find(|looks| looks.iter().all(|look| !look.sky.warnings().is_empty()));
+        for epoch in onset.iter().flat_map(|looks| looks.first()) {
+            let since_s = epoch.sample as f64 / rate_hz;
+            let said = epoch.sky.warnings().into_iter();
+            outcome.warnings.extend(said.map(|w| format!("from {since_s:.0} s on {w}")));
+        }
+    }
+    outcome.warnings.extend(at_start);
+}
+
+/// Directions of a fix's satellites: east, north, up.
+fn towards(fix: &Fix) -> Vec<(Sv, Unit<Vector3<f64>>)> {
+    let one = |r: &Residual| (r.sv, direction(r.azimuth, r.elevation));
+    fix.residuals.iter().map(one).collect()
+}
