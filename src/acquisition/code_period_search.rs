@@ -17,7 +17,7 @@
 //!
 //! Counted work: a forward transform for each code, vector and fraction of a kilohertz, and an inverse transform
 //! for each satellite, Doppler and vector. The first pass takes 32 x 11 x 8 for 5 kHz; each satellite that it finds
-//! spares the second one 21 r, and all others 21.
+//! spares the second one 21 r, and, from a share of 0.2 on, all others 21.
 
 use super::search::{add_power, multiply, phasor};
 use super::{Acquisition, AcquisitionError};
@@ -41,8 +41,9 @@ const CLEAR: f64 = 3.0;
 /// In the last pass only codes are searched whose share came so near the threshold in the second, and lost so
 /// much of it with the satellites found.
 const NEARLY: f64 = 0.75;
-/// What a right vector must keep of its power, projected, to be searched in the second pass.
-const LEAST_LEFT: f64 = 0.5;
+/// What a direction of the subspace must keep of its power, projected, to be searched on: a satellite found
+/// with a share of 0.2 or more takes the direction nearest to it along.
+const LEAST_LEFT: f64 = 0.8;
 /// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom law.
 const RANK_FALSE_ALARM: f64 = 2.5e-5;
 /// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites takes every other.
@@ -387,12 +388,13 @@ impl<'a> Search<'a> {
     fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
         let half_chip = 0.5 * self.data.bins as f64 / CA_CODE_LENGTH as f64;
         let mean = right.len() as f64 / self.data.bins as f64;
-        // Half a kilohertz off, the parabola would not bend.
-        let moved = [-DOPPLER_STEP_HZ, DOPPLER_STEP_HZ]
-            .map(|shift| Cell { doppler_hz: start.doppler_hz + shift, ..start });
-        let share = |cell: Cell| Cell { share: self.share(right, &cell), ..cell };
-        let cells = moved.into_iter().map(share).chain([start]);
-        let mut cell = cells.max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or(start);
+        // Half a kilohertz off, the parabola would not bend. (The cell may come from fewer vectors.)
+        let cells = [-DOPPLER_STEP_HZ, DOPPLER_STEP_HZ, 0.0].map(|shift| {
+            let cell = Cell { doppler_hz: start.doppler_hz + shift, ..start };
+            Cell { share: self.share(right, &cell), ..cell }
+        });
+        let start = cells.into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or(start);
+        let mut cell = start;
         for reach_hz in [250.0, 120.0] {
             let at = |shift: f64| {
                 self.share(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
