@@ -1,7 +1,5 @@
 //! A front end of one's own on each of four antenna elements: a comparator on each rail, one bit, whose
 //! threshold is off by more from element to element. Without offset it loses 10 log10(pi / 2) = 1.96 dB.
-//!
-//! `cargo run --release --example replace_front_end`
 
 use num_complex::Complex32;
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
@@ -12,10 +10,6 @@ use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
 struct Comparator;
 
 impl FrontEnd for Comparator {
-    fn delay(&self) -> usize {
-        0
-    }
-
     fn process(&mut self, channel: usize, samples: &mut [Complex32]) {
         let sign = |x: f32| (x - 0.3 * channel as f32).signum();
         samples.iter_mut().for_each(|s| *s = Complex32::new(sign(s.re), sign(s.im)));

@@ -90,7 +90,7 @@ pub fn look(
 ) -> Result<SkyPicture, LookError> {
     let samples = channels.first().map_or(0, |c| c.len());
     let nulled = interference.map_or(0, Interference::count);
-    let jammers = interference.map_or(Vec::new(), |i| jammers(i, manifold));
+    let jammers = interference.map_or(Vec::new(), |i| jammers(i, Some(manifold)));
     let r = equalised(covariance(channels), interference);
     let manifold = &interference.map_or(manifold.clone(), |i| manifold.clone().beside(&i.subspace));
     let compressed =
@@ -135,8 +135,13 @@ fn equalised(r: CMat, interference: Option<&Interference>) -> CMat {
     CMat::from_fn(elements, elements, |m, k| r[(m, k)] * (gains[m] * gains[k]))
 }
 
-/// The components of interference, strongest first, each with the direction whose response it holds most of.
-pub fn jammers(interference: &Interference, manifold: &Manifold) -> Vec<Jammer> {
+/// The components of interference, strongest first, each with the direction whose response it holds most of
+/// (where the array is known).
+pub fn jammers(interference: &Interference, manifold: Option<&Manifold>) -> Vec<Jammer> {
+    let Some(manifold) = manifold else {
+        let jammer = |&power_db| Jammer { bearing: None, power_db };
+        return interference.powers_db.iter().map(jammer).collect();
+    };
     let mut directions = interference.directions(manifold);
     let components = interference.powers_db.iter().zip(interference.subspace.col_iter());
     let jammer = |(&power_db, component): (&f64, faer::ColRef<'_, Complex64>)| {

@@ -4,7 +4,8 @@
 use super::find::Found;
 use super::{Outcome, ReceiverOptions};
 use crate::array::interference::Interference;
-use crate::array::{ArraySky, Manifold, SkyEpoch};
+use crate::array::look::jammers;
+use crate::array::{ArraySky, Bearing, Jammer, Manifold, SkyEpoch};
 use crate::gnss::Sv;
 use crate::gnss::antenna::direction;
 use crate::positioning::{Fix, Residual};
@@ -34,6 +35,25 @@ pub(super) fn manifold(
 ) -> Option<Manifold> {
     let whole = Manifold::new(options.array.as_ref()?.in_enu());
     Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
+}
+
+/// What was removed, strongest first, in words.
+pub(super) fn removed(interference: &Interference, options: &ReceiverOptions) -> String {
+    let manifold = options.array.as_ref().map(|array| Manifold::new(array.in_enu()));
+    let one = |jammer: &Jammer| {
+        let from = match jammer.bearing {
+            None => String::new(),
+            Some(Bearing::Cone(angle)) => format!(" from {:.1} deg", angle.to_degrees()),
+            Some(Bearing::Direction { azimuth, elevation }) => format!(
+                " from azimuth {:.0}, elevation {:.0} deg",
+                azimuth.to_degrees(),
+                elevation.to_degrees()
+            ),
+        };
+        format!("a jammer {:.1} dB over the noise{from}", jammer.power_db)
+    };
+    let all: Vec<String> = jammers(interference, manifold.as_ref()).iter().map(one).collect();
+    format!("{} had to be removed", all.join(" and "))
 }
 
 /// Compares the array's sky at the start with the first fix, and that of each later look with the fix nearest

@@ -3,7 +3,7 @@
 use super::find::{BeamFormer, Found, Region, search};
 use super::head::deep_windows;
 use super::input::{CHUNK_S, Head, Input};
-use super::sky::manifold;
+use super::sky::{manifold, removed};
 use super::{NOTHING_FOUND, Outcome, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions, despread};
 use crate::array::interference::Interference;
@@ -165,8 +165,10 @@ struct Tracker<'a> {
     rate_hz: f64,
     /// Channels that a search sums.
     searched: usize,
-    /// Jammers that were removed at the start.
+    /// Jammers that are removed.
     interference: Option<Interference>,
+    /// What a person should know.
+    warnings: Vec<String>,
     spacing: u64,
     tracks: Vec<Track>,
     lost: BTreeMap<Sv, Lost>,
@@ -196,6 +198,7 @@ pub(super) fn track_all(
         rate_hz,
         searched: if head.shared_noise { 1 } else { head.block.channels() },
         interference: input.interference().cloned(),
+        warnings: Vec::new(),
         spacing: (options.interval_s * rate_hz).round().max(1.0) as u64,
         tracks: found
             .par_iter()
@@ -227,6 +230,7 @@ pub(super) fn track_all(
                 next_search = done_s + SEARCH_AGAIN_S;
             }
             if !chunk.is_empty() {
+                tracker.take_interference(input.interference(), done_s);
                 tracker.follow(&buffers, &chunk);
                 tracker.search_again(&buffers, &chunk, all)?;
             }
@@ -276,6 +280,15 @@ impl Tracker<'_> {
         for track in lost {
             let doppler_hz = track.channel.doppler_hz();
             self.lost.insert(track.log.sv, Lost { log: track.log, doppler_hz });
+        }
+    }
+
+    /// Jammers that came up since are told of.
+    fn take_interference(&mut self, now: Option<&Interference>, done_s: f64) {
+        let before = self.interference.as_ref().map_or(0, Interference::count);
+        if let Some(now) = now.filter(|now| now.count() > before) {
+            self.warnings.push(format!("from {done_s:.0} s on {}", removed(now, self.options)));
+            self.interference = Some(now.clone());
         }
     }
 
@@ -352,6 +365,7 @@ impl Tracker<'_> {
     /// Observations and positions of all instants, with the navigation data of the whole recording.
     fn finish(mut self, outcome: &mut Outcome) {
         outcome.sky_epochs = std::mem::take(&mut self.sky_epochs);
+        outcome.warnings.append(&mut self.warnings);
         outcome.warnings.extend(self.slips());
         let mut logs = self.ended;
         logs.extend(self.lost.into_values().map(|l| l.log));

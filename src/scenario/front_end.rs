@@ -13,7 +13,9 @@ const CHUNK: usize = 256;
 /// A front end that an experimenter can swap: from antenna samples to ADC samples.
 pub trait FrontEnd: Send {
     /// Samples by which the output lags the input; the source takes them out again.
-    fn delay(&self) -> usize;
+    fn delay(&self) -> usize {
+        0
+    }
 
     /// Turns the next antenna samples of a channel, in place, into what its ADC gives. The calls of one
     /// channel follow each other without gap; lengths are multiples of 256 and the same for all.

@@ -30,6 +30,7 @@ pub fn trials() -> Vec<Trial> {
         Trial::test("under_jammers_the_place_is_found_as_without", jammed_fix),
         Trial::test("beams_follow_satellites_that_cross_the_sky", beams_follow),
         Trial::test("least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer", weak_jammer),
+        Trial::test("a_jammer_that_comes_up_is_removed_and_told_of", late_jammer),
         Trial::test("a_spoofer_is_named_and_a_sky_is_not", spoofer),
         Trial::test("a_spoofer_who_takes_over_is_named_with_the_time", takeover),
     ]
@@ -249,6 +250,34 @@ fn weak_jammer() -> Result<(), Failed> {
     Ok(())
 }
 
+/// A jammer of 40 dB after three seconds: every satellite is followed to the end on its beam, none is suspected.
+fn late_jammer() -> Result<(), Failed> {
+    let mut made = Scenario::read(Path::new(&scenario("ula8")))?;
+    made.duration_s = 9.0;
+    made.jammers = vec![toml::from_str(
+        "kind = 'noise'\npower_db = 40.0\ndirection.cone_deg = -50.0\nstart_s = 3.0\n",
+    )?];
+    made.front_end.bits = Some(16);
+    made.front_end.rms_steps = Some(2000.0);
+    let mut source = ScenarioSource::new(&made)?;
+    let options = ReceiverOptions {
+        time: source.info().start_time,
+        array: source.info().array.clone(),
+        navigation: made.navigation()?,
+        ..ReceiverOptions::default()
+    };
+    let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
+    println!("{:?}, {} fixes", outcome.warnings, outcome.fixes.len());
+    let told = |w: &String| w.contains("a jammer") && w.contains("from -50.");
+    let last = outcome.epochs.last().map_or(0, |e| e.observations.len());
+    let suspected = outcome.sky_epochs.iter().any(|e| !e.sky.warnings().is_empty());
+    if outcome.warnings.iter().any(told) && last == 5 && !suspected {
+        Ok(())
+    } else {
+        Err(format!("{:?}, {last} satellites at the end", outcome.warnings).into())
+    }
+}
+
 /// The satellites are heard for four seconds, and then a transmitter in their place.
 fn takeover() -> Result<(), Failed> {
     let mut made = Scenario::read(Path::new(&scenario("spoofed_ura4")))?;
@@ -259,7 +288,8 @@ fn takeover() -> Result<(), Failed> {
     let outcome = receiver::process(&mut source, &ReceiverOptions::default(), &mut |_| ())?;
     // Looks are a second apart.
     let named = |w: &String| {
-        w.contains("from 4 s on") || w.contains("from 5 s on") && w.contains("one direction")
+        let then = w.starts_with("from 4 s on") || w.starts_with("from 5 s on");
+        then && w.contains("one direction")
     };
     if outcome.warnings.iter().any(named) {
         Ok(())
