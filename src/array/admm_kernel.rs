@@ -1,20 +1,22 @@
 //! The iteration of the splitting of [`l1_admm`](super::l1_admm) on a block of sixteen snapshots.
 
-use super::lanes::{Block, LANES, Packed, kept};
+use super::lanes::{Block, Entry, LANES, Packed, fold, kept, unfold};
 use super::register::{Register, Sweep, dispatch};
 
-/// The dictionary as U S V^H.
-pub struct Decomposition {
+/// The dictionary as U S V^H; where `folded`, as Q U S V^H, Q being [`unfold`].
+pub struct Decomposition<E> {
     /// U.
-    pub u: Packed,
+    pub u: Packed<E>,
     /// U^H.
-    pub u_adjoint: Packed,
+    pub u_adjoint: Packed<E>,
     /// V.
-    pub v: Packed,
+    pub v: Packed<E>,
     /// V^H.
-    pub v_adjoint: Packed,
+    pub v_adjoint: Packed<E>,
     /// The singular values, each repeated for all lanes.
     pub s: Vec<f32>,
+    /// Whether the rows are folded.
+    pub folded: bool,
 }
 
 /// Parameters of the iteration.
@@ -56,8 +58,8 @@ impl State {
 
 /// So many iterations. With `rows`, the shares that are left of each row of W (repeated for all lanes) stand in
 /// place of the shrinkage of each of its entries: they hold for one iteration.
-pub fn iterate(
-    dictionary: &Decomposition,
+pub fn iterate<E: Entry>(
+    dictionary: &Decomposition<E>,
     parameters: Parameters,
     state: &mut State,
     count: usize,
@@ -66,18 +68,18 @@ pub fn iterate(
     dispatch(Iterations { dictionary, parameters, state, count, rows });
 }
 
-struct Iterations<'a> {
-    dictionary: &'a Decomposition,
+struct Iterations<'a, E> {
+    dictionary: &'a Decomposition<E>,
     parameters: Parameters,
     state: &'a mut State,
     count: usize,
     rows: Option<&'a [f32]>,
 }
 
-impl Sweep for Iterations<'_> {
+impl<E: Entry> Sweep for Iterations<'_, E> {
     #[inline(always)]
     fn run<R: Register>(self) {
-        let Decomposition { u, u_adjoint, v: right, v_adjoint, s } = self.dictionary;
+        let Decomposition { u, u_adjoint, v: right, v_adjoint, s, folded } = self.dictionary;
         let Parameters { shrink_x, shrink_r, relax } = self.parameters;
         let State { y, w, v, a, d, p, q, product, left } = self.state;
         for _ in 0..self.count {
@@ -92,13 +94,21 @@ impl Sweep for Iterations<'_> {
             (0..2).for_each(|i| reflect_from(v.part(i), left, y.part(i), d.part_mut(i)));
             // With p = V^H a and q = U^H d: u = a + V alpha, A u = U beta.
             v_adjoint.product::<R>(a, p);
-            u_adjoint.product::<R>(d, q);
+            if *folded {
+                fold::<R>(d, product);
+                u_adjoint.product::<R>(product, q);
+            } else {
+                u_adjoint.product::<R>(d, q);
+            }
             (0..2).for_each(|part| project(p.part_mut(part), q.part_mut(part), s));
             // W += relax (u - X),  X = (a + W) / 2
             right.product::<R>(p, product);
             (0..2).for_each(|i| advance(w.part_mut(i), a.part(i), product.part(i), relax));
             // V += relax (Y - A u - R),  R = (Y + V - d) / 2
             u.product::<R>(q, product);
+            if *folded {
+                unfold::<R>(product, d.rows());
+            }
             for i in 0..2 {
                 advance_from(v.part_mut(i), y.part(i), d.part(i), product.part(i), relax);
             }

@@ -14,22 +14,24 @@
 //! W <- W + relax (u - X);    V <- V + relax (Y - A u - R)
 //! ```
 //!
-//! With A = U S V^H cut at a millionth of its largest singular value the projection costs 2 r (M + L) products
-//! per snapshot (r = 20 on the paper's grid of 50 x 31). rho = c median|Y|: the solver has no scale of its own.
+//! With A = U S V^H, cut where singular values fall below single precision, the projection costs 2 r (M + L)
+//! products per snapshot (r = 18 on the paper's grid of 50 x 31); of arrays that look alike from both ends they
+//! are products with real numbers (module `mirrored`). rho = c median|Y|: the solver has no scale of its own.
 //!
 //! A bound on what is left to gain stops it: Lam = (V - R) / rho, scaled until |A^H Lam| <= gamma, is feasible in
 //! the dual problem, max Re <Lam, Y>, so that the optimum lies between that value and the objective.
 
 use super::CMat;
 use super::admm_kernel::{Decomposition, Parameters, State, iterate};
-use super::lanes::{Block, LANES, Packed, matrix};
+use super::lanes::{Block, Entry, LANES, Packed, matrix};
+use super::mirrored::real_form;
 use super::sparse::{Penalty, SparseError, check, median_modulus, objective, positive};
 use faer::prelude::*;
 use num_complex::Complex64;
 use sdr_rx_linalg::{Cholesky, thin_svd};
 
-/// Singular values below this share of the largest are left out: their effect is that of rounding.
-const RANK_TOLERANCE: f64 = 1e-6;
+/// Singular values below this share of the largest are left out: their effect is that of single precision.
+const RANK_TOLERANCE: f64 = 2e-5;
 
 /// Settings of the splitting.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,7 +100,14 @@ pub struct SparseEstimate {
 pub struct AdmmPlan<'a> {
     a: &'a CMat,
     rank: usize,
-    decomposition: Decomposition,
+    form: Form,
+}
+
+/// What the iteration works with.
+enum Form {
+    Complex(Decomposition<[f32; 2]>),
+    /// In real numbers, and the phases by which X is turned there.
+    Mirrored(Decomposition<f32>, Vec<Complex64>),
 }
 
 impl<'a> AdmmPlan<'a> {
@@ -108,19 +117,19 @@ impl<'a> AdmmPlan<'a> {
     /// When it is empty or not finite, or the decomposition fails.
     pub fn new(a: &'a CMat) -> Result<Self, SparseError> {
         check(a, &CMat::zeros(a.nrows(), 0))?;
-        let (u, s, v) = thin_svd(a).ok_or(SparseError::NoConvergence {
-            doing: "singular value decomposition of the dictionary",
-        })?;
-        let rank = s.iter().filter(|v| **v > RANK_TOLERANCE * s[0]).count();
-        let (m, l) = (a.nrows(), a.ncols());
-        let decomposition = Decomposition {
-            u: Packed::new(m, rank, |r, c| u[(r, c)]),
-            u_adjoint: Packed::new(rank, m, |r, c| u[(c, r)].conj()),
-            v: Packed::new(l, rank, |r, c| v[(r, c)]),
-            v_adjoint: Packed::new(rank, l, |r, c| v[(c, r)].conj()),
-            s: s[..rank].iter().flat_map(|s| [*s as f32; LANES]).collect(),
-        };
-        Ok(Self { a, rank, decomposition })
+        let failed =
+            SparseError::NoConvergence { doing: "singular value decomposition of the dictionary" };
+        if let Some((real, phases)) = real_form(a) {
+            let svd = real.svd(true, true);
+            let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return Err(failed) };
+            let s = svd.singular_values.as_slice();
+            let v = |r: usize, c: usize| v[(c, r)].into();
+            let of = decomposition(a, s, |r, c| u[(r, c)].into(), v, true);
+            return Ok(Self { a, rank: of.u_adjoint.rows(), form: Form::Mirrored(of, phases) });
+        }
+        let (u, s, v) = thin_svd(a).ok_or(failed)?;
+        let of = decomposition(a, &s, |r, c| u[(r, c)], |r, c| v[(r, c)], false);
+        Ok(Self { a, rank: of.u_adjoint.rows(), form: Form::Complex(of) })
     }
 
     /// Solves for snapshots Y (M x N) in single precision, sixteen at a time.
@@ -143,7 +152,10 @@ impl<'a> AdmmPlan<'a> {
         let mut state: Vec<State> = (0..n).step_by(LANES).map(start).collect();
         let go = |state: &mut [State], count: usize, rows: Option<&[f32]>| {
             for block in state {
-                iterate(&self.decomposition, parameters, block, count, rows);
+                match &self.form {
+                    Form::Complex(of) => iterate(of, parameters, block, count, rows),
+                    Form::Mirrored(of, _) => iterate(of, parameters, block, count, rows),
+                }
             }
         };
         let mut done = 0;
@@ -159,13 +171,36 @@ impl<'a> AdmmPlan<'a> {
                 }
             }
             done += count;
-            let w = matrix(l, n, |b| &state[b].w);
+            let mut w = matrix(l, n, |b| &state[b].w);
+            if let Form::Mirrored(_, phases) = &self.form {
+                w = CMat::from_fn(l, n, |l, n| phases[l].conj() * w[(l, n)]);
+            }
             let v = matrix(y.nrows(), n, |b| &state[b].v);
             let estimate = self::estimate(self.a, y, &w, &v, unit, settings, done);
             if estimate.gap <= settings.gap || done >= settings.iterations {
                 return Ok(estimate);
             }
         }
+    }
+}
+
+/// U S V^H of the dictionary, from the entries of U and V, without what is negligible.
+fn decomposition<E: Entry>(
+    a: &CMat,
+    s: &[f64],
+    u: impl Fn(usize, usize) -> Complex64,
+    v: impl Fn(usize, usize) -> Complex64,
+    folded: bool,
+) -> Decomposition<E> {
+    let rank = s.iter().filter(|v| **v > RANK_TOLERANCE * s[0]).count();
+    let (m, l) = (a.nrows(), a.ncols());
+    Decomposition {
+        u: Packed::new(m, rank, &u),
+        u_adjoint: Packed::new(rank, m, |r, c| u(c, r).conj()),
+        v: Packed::new(l, rank, &v),
+        v_adjoint: Packed::new(rank, l, |r, c| v(c, r).conj()),
+        s: s[..rank].iter().flat_map(|s| [*s as f32; LANES]).collect(),
+        folded,
     }
 }
 

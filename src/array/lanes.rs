@@ -10,6 +10,7 @@ use super::register::Register;
 use bytemuck::{Pod, Zeroable};
 use faer::MatRef;
 use num_complex::Complex64;
+use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Snapshots of a block.
 pub const LANES: usize = 16;
@@ -61,6 +62,19 @@ impl Block {
         block
     }
 
+    /// Real and imaginary parts of one row from `lane` on.
+    #[inline(always)]
+    fn load<R: Register>(&self, row: usize, lane: usize) -> [R; 2] {
+        [0, 1].map(|part| R::load(&self.0[part][row].0[lane..]))
+    }
+
+    #[inline(always)]
+    fn store<R: Register>(&mut self, row: usize, lane: usize, parts: [R; 2]) {
+        for (part, x) in self.0.iter_mut().zip(parts) {
+            x.store(&mut part[row].0[lane..]);
+        }
+    }
+
     /// One number.
     pub fn at(&self, row: usize, column: usize) -> Complex64 {
         let [re, im] = [0, 1].map(|part| f64::from(self.0[part][row].0[column]));
@@ -71,6 +85,40 @@ impl Block {
 /// A matrix of so many columns from its blocks.
 pub fn matrix<'a>(rows: usize, columns: usize, block: impl Fn(usize) -> &'a Block) -> CMat {
     CMat::from_fn(rows, columns, |row, column| block(column / LANES).at(row, column % LANES))
+}
+
+/// Folds mirrored rows m and M-1-m of a block into their even and odd parts, (a + b) / sqrt 2 and -j (a - b) / sqrt 2,
+/// which turns responses that are conjugate in mirrored rows into real numbers. A middle row stays.
+#[inline(always)]
+pub fn fold<R: Register>(block: &Block, out: &mut Block) {
+    let rows = block.rows();
+    for m in 0..rows.div_ceil(2) {
+        let mirror = rows - 1 - m;
+        let scale = R::splat(if m == mirror { 0.5 } else { FRAC_1_SQRT_2 });
+        for lane in (0..LANES).step_by(R::WIDTH) {
+            let [a, b] = [m, mirror].map(|row| block.load::<R>(row, lane));
+            let scaled = |x: R| R::splat(0.0).plus(x, scale);
+            let even = [0, 1].map(|part| scaled(a[part]).plus(b[part], scale));
+            let odd = [scaled(a[1]).minus(b[1], scale), scaled(b[0]).minus(a[0], scale)];
+            out.store(mirror, lane, odd);
+            out.store(m, lane, even);
+        }
+    }
+}
+
+/// The inverse of [`fold`], in place, of the first `rows` rows.
+#[inline(always)]
+pub fn unfold<R: Register>(block: &mut Block, rows: usize) {
+    let scale = R::splat(FRAC_1_SQRT_2);
+    for m in 0..rows / 2 {
+        let mirror = rows - 1 - m;
+        for lane in (0..LANES).step_by(R::WIDTH) {
+            let [even, odd] = [m, mirror].map(|row| block.load::<R>(row, lane));
+            let [re, im] = even.map(|x| R::splat(0.0).plus(x, scale));
+            block.store(m, lane, [re.minus(odd[1], scale), im.plus(odd[0], scale)]);
+            block.store(mirror, lane, [re.plus(odd[1], scale), im.minus(odd[0], scale)]);
+        }
+    }
 }
 
 /// For each number: what is left when `by` is taken from its modulus, as a share of it, `floor` at least.
@@ -93,24 +141,54 @@ fn inverse_root(x: f32) -> f32 {
     y
 }
 
-/// A matrix ready to be multiplied with blocks: tiles of six rows, column by column within.
-#[derive(Clone, Debug)]
-pub struct Packed {
-    rows: usize,
-    columns: usize,
-    tiles: Vec<[[f32; 2]; TILE]>,
+/// An entry of a matrix: a complex number, or, at half the cost, a real one.
+pub trait Entry: Copy + Default {
+    /// The nearest to a complex number.
+    fn of(z: Complex64) -> Self;
+    /// Adds this entry times (re, im) to a sum.
+    fn add<R: Register>(self, re: R, im: R, sum: &mut [R; 2]);
 }
 
-impl Packed {
+impl Entry for [f32; 2] {
+    fn of(z: Complex64) -> Self {
+        [z.re as f32, z.im as f32]
+    }
+
+    #[inline(always)]
+    fn add<R: Register>(self, re: R, im: R, sum: &mut [R; 2]) {
+        let [a, b] = self.map(R::splat);
+        sum[0] = sum[0].plus(a, re).minus(b, im);
+        sum[1] = sum[1].plus(a, im).plus(b, re);
+    }
+}
+
+impl Entry for f32 {
+    fn of(z: Complex64) -> Self {
+        z.re as f32
+    }
+
+    #[inline(always)]
+    fn add<R: Register>(self, re: R, im: R, sum: &mut [R; 2]) {
+        let a = R::splat(self);
+        *sum = [sum[0].plus(a, re), sum[1].plus(a, im)];
+    }
+}
+
+/// A matrix ready to be multiplied with blocks: tiles of six rows, column by column within.
+#[derive(Clone, Debug)]
+pub struct Packed<E> {
+    rows: usize,
+    columns: usize,
+    tiles: Vec<[E; TILE]>,
+}
+
+impl<E: Entry> Packed<E> {
     /// Packs the matrix with these entries.
     pub fn new(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> Complex64) -> Self {
         let column = |first: usize, c: usize| {
             std::array::from_fn(|t| match first + t < rows {
-                true => {
-                    let z = entry(first + t, c);
-                    [z.re as f32, z.im as f32]
-                }
-                false => [0.0; 2],
+                true => E::of(entry(first + t, c)),
+                false => E::default(),
             })
         };
         let tiles = (0..rows.div_ceil(TILE))
@@ -120,8 +198,13 @@ impl Packed {
         Self { rows, columns, tiles }
     }
 
+    /// Rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
     /// out = this matrix times a block of `columns` rows. Cost: 4 fused multiply-adds of sixteen numbers for
-    /// each entry.
+    /// each complex entry, 2 for each real one.
     #[inline(always)]
     pub fn product<R: Register>(&self, block: &Block, out: &mut Block) {
         let [re, im] = [&block.0[0][..self.columns], &block.0[1][..self.columns]];
@@ -130,10 +213,8 @@ impl Packed {
                 let mut sums = [[R::splat(0.0); 2]; TILE];
                 for ((entries, re), im) in tile.iter().zip(re).zip(im) {
                     let [re, im] = [re, im].map(|x| R::load(&x.0[first_lane..]));
-                    for (sum, &[a, b]) in sums.iter_mut().zip(entries) {
-                        let [a, b] = [a, b].map(R::splat);
-                        sum[0] = sum[0].plus(a, re).minus(b, im);
-                        sum[1] = sum[1].plus(a, im).plus(b, re);
+                    for (sum, entry) in sums.iter_mut().zip(entries) {
+                        entry.add(re, im, sum);
                     }
                 }
                 let first_row = number * TILE;
@@ -153,9 +234,9 @@ mod tests {
     use crate::array::random::SplitMix64;
     use crate::array::register::{Sweep, dispatch};
 
-    struct Product<'a>(&'a Packed, &'a Block, &'a mut Block);
+    struct Product<'a, E>(&'a Packed<E>, &'a Block, &'a mut Block);
 
-    impl Sweep for Product<'_> {
+    impl<E: Entry> Sweep for Product<'_, E> {
         #[inline(always)]
         fn run<R: Register>(self) {
             self.0.product::<R>(self.1, self.2);
@@ -164,12 +245,17 @@ mod tests {
 
     #[test]
     fn products_agree_with_plain_complex_arithmetic_with_either_kind_of_registers() {
+        products_agree::<[f32; 2]>(|z| z);
+        products_agree::<f32>(|z| z.re.into());
+    }
+
+    fn products_agree<E: Entry>(entry: fn(Complex64) -> Complex64) {
         let mut rng = SplitMix64::new(3);
         for (rows, columns) in [(1, 1), (6, 4), (50, 31), (13, 8)] {
-            let a = CMat::from_fn(rows, columns, |_, _| rng.complex_normal());
+            let a = CMat::from_fn(rows, columns, |_, _| entry(rng.complex_normal()));
             let x = CMat::from_fn(columns, 21, |_, _| rng.complex_normal());
             let plain = &a * &x;
-            let packed = Packed::new(rows, columns, |r, c| a[(r, c)]);
+            let packed = Packed::<E>::new(rows, columns, |r, c| a[(r, c)]);
             for plain_registers in [false, true] {
                 let run = |first: usize| {
                     let (block, mut out) = (Block::of(x.as_ref(), first, 1.0), Block::zeros(rows));

@@ -6,8 +6,8 @@ use super::register::{Register, Sweep, dispatch};
 
 /// What all blocks share.
 pub struct Kernel {
-    forward: Packed,
-    adjoint: Packed,
+    forward: Packed<[f32; 2]>,
+    adjoint: Packed<[f32; 2]>,
     gamma: f32,
     mu: f32,
 }

@@ -20,6 +20,7 @@ mod lda_kernel;
 pub mod lda_l11;
 pub mod look;
 pub mod manifold;
+mod mirrored;
 pub mod random;
 pub mod random_matrix;
 mod register;
