@@ -52,11 +52,18 @@ fn admm(p: &Problem, iterations: usize, gamma: f64, penalty: Penalty) -> Result<
     Ok(AdmmPlan::new(&p.a)?.solve(&p.y, &settings)?.x)
 }
 
-/// Errors of X and of A X of one method after each mark.
+/// Errors of X and of A X of one method after each mark, and the objective of l2,1 at the last.
 struct Errors {
     name: &'static str,
     x: Vec<(f64, f64)>,
     ax: Vec<(f64, f64)>,
+    l21: f64,
+}
+
+/// gamma times the sum of the norms of the rows of X plus that of the rows of Y - A X.
+fn l21(p: &Problem, x: &CMat) -> f64 {
+    let rows = |matrix: &CMat| matrix.row_iter().map(|row| row.norm_l2()).sum::<f64>();
+    GAMMA * rows(x) + rows(&(&p.y - &p.a * x))
 }
 
 impl Errors {
@@ -80,11 +87,11 @@ pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Outcome, S
             let pairs = problems.par_iter().map(|p| {
                 let x = (method.solve)(p, iterations)?;
                 tell();
-                Ok([nmse(&x, &p.truth), nmse(&(&p.a * &x), &(&p.a * &p.truth))])
+                Ok([nmse(&x, &p.truth), nmse(&(&p.a * &x), &(&p.a * &p.truth)), l21(p, &x)])
             });
-            let pairs = pairs.collect::<Result<Vec<[f64; 2]>, SparseError>>()?;
-            let of = |which: usize| mean(&pairs.iter().map(|p| p[which]).collect::<Vec<_>>());
-            Ok((iterations as f64, [of(0), of(1)]))
+            let all = pairs.collect::<Result<Vec<[f64; 3]>, SparseError>>()?;
+            let of = |which: usize| mean(&all.iter().map(|e| e[which]).collect::<Vec<_>>());
+            Ok((iterations as f64, [of(0), of(1), of(2)]))
         };
         let marks: Vec<usize> = MARKS.into_iter().filter(|k| *k <= method.most).collect();
         let points = marks.par_iter().map(|k| at(*k)).collect::<Result<Vec<_>, SparseError>>()?;
@@ -95,7 +102,8 @@ pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Outcome, S
             curves.iter_mut().for_each(|c| c.push((10_000.0, c[0].1)));
         }
         let [x, ax] = curves;
-        Ok(Errors { name: method.name, x, ax })
+        let l21 = points.last().map_or(f64::NAN, |p| p.1[2]);
+        Ok(Errors { name: method.name, x, ax, l21 })
     };
     let errors = METHODS.par_iter().map(errors).collect::<Result<Vec<_>, _>>()?;
     let plot = |name: &str, what: &str, curve: fn(&Errors) -> &Vec<(f64, f64)>| LinePlot {
@@ -126,6 +134,8 @@ fn claims(errors: &[Errors]) -> Vec<Claim> {
         "ADMM rows",
     ]
     .map(of);
+    let objective = |name: &str| errors.iter().find(|e| e.name == name).map_or(f64::NAN, |e| e.l21);
+    let (efrs_objective, l21_objective) = (objective("EFRS"), objective("CVX-l2,1"));
     let claim = |claim: &str, paper: &str, ours: [f64; 2], sign: &str, holds: bool| Claim {
         place: "Fig. 5",
         claim: claim.into(),
@@ -152,13 +162,16 @@ fn claims(errors: &[Errors]) -> Vec<Claim> {
             "=",
             near(efrs[0], svt[0], 0.3),
         ),
-        claim(
-            "EFRS is another optimum than CVX-l2,1 (X)",
-            "differ",
-            [efrs[0], l21[0]],
-            "and",
-            !near(efrs[0], l21[0], 0.05),
-        ),
+        Claim {
+            ours: format!("objectives {:.2} and {:.2}", efrs_objective, l21_objective),
+            ..claim(
+                "EFRS is another optimum than CVX-l2,1",
+                "differ",
+                [efrs[0], l21[0]],
+                "and",
+                !near(efrs_objective, l21_objective, 1e-4),
+            )
+        },
         claim(
             "DG-l2,1 is far behind after 2000 iterations",
             ">",
