@@ -3,6 +3,8 @@
 
 #[path = "receiver/array.rs"]
 mod array;
+#[path = "receiver/beams.rs"]
+mod beams;
 #[path = "receiver/brute_force.rs"]
 mod brute_force;
 mod common;
@@ -34,6 +36,7 @@ fn main() {
         mistakes::trials(),
         scenarios::trials(),
         array::trials(),
+        beams::trials(),
         impulses::trials(),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();
