@@ -13,8 +13,10 @@ pub const FEW: usize = 4;
 /// the search.
 pub const SOUND_DBHZ: f64 = 30.0;
 
-/// Signal that each way of reading is judged by, s: two windows of 10 ms and a margin.
+/// Signal that each way of reading is judged by, s: five windows of 4 ms and a margin.
 pub const LOOK_S: f64 = 0.025;
+const WINDOW_MS: usize = 4;
+const WINDOWS: usize = 5;
 
 /// Sample types that are mistaken for each other.
 const TYPES: [&str; 9] = ["cs8", "cu8", "cs16", "cf32", "rs8", "rs16", "b1", "b2", "rb2"];
@@ -92,8 +94,12 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
     let mut advice = Vec::new();
     let Some(source) = open(&Reading::default()) else { return advice };
     let info = source.info().clone();
-    let search =
-        SearchOptions { false_alarm: 1e-3, coherent_ms: 10, max_windows: 2, ..search.clone() };
+    let search = SearchOptions {
+        false_alarm: 1e-3,
+        coherent_ms: WINDOW_MS,
+        max_windows: WINDOWS,
+        ..search.clone()
+    };
     let readings = Reading::others(&info);
     let best = readings
         .into_iter()
