@@ -6,11 +6,11 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use num_complex::{Complex32, Complex64};
-use rustfft::FftPlanner;
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::gnss::prn_code::ca_code;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
+use sdr_rx_linalg::{forward_transform, inverse_transform};
 use std::f64::consts::TAU;
 
 const RATE_HZ: f64 = 4e6;
@@ -33,8 +33,7 @@ fn samples() -> Block {
 /// The plain way for one satellite: for each Doppler and each millisecond the carrier is removed, and the
 /// correlation done by one transform, one product and one transform back; periods are summed coherently.
 fn plain_search(samples: &[Complex32], code: &[i8; 1023]) -> (f32, f64, usize) {
-    let mut planner = FftPlanner::new();
-    let (forward, inverse) = (planner.plan_fft_forward(PERIOD), planner.plan_fft_inverse(PERIOD));
+    let (forward, inverse) = (forward_transform(PERIOD), inverse_transform(PERIOD));
     let mut replica: Vec<Complex32> =
         (0..PERIOD).map(|n| Complex32::from(f32::from(code[n * 1023 / PERIOD]))).collect();
     forward.process(&mut replica);

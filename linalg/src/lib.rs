@@ -1,11 +1,25 @@
-//! The dense complex linear algebra that sdr-rx needs of `faer`: plain functions of plain matrices.
+//! The dense complex linear algebra that sdr-rx needs of `faer`, and the Fourier transforms of `rustfft`: plain
+//! functions of plain matrices and numbers.
 //!
-//! A crate of its own for one reason: `faer`'s decompositions are generic, and are compiled anew in each crate
-//! that calls them, for minutes. Here they are compiled once.
+//! A crate of its own for one reason: these libraries are generic, and are compiled anew in each crate that
+//! calls them, for minutes. Here they are compiled once.
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 use num_complex::Complex64;
+pub use rustfft::Fft;
+use rustfft::FftPlanner;
+use std::sync::Arc;
+
+/// The transform X_k = sum x_n exp(-j 2 pi k n / N) of so many numbers.
+pub fn forward_transform(length: usize) -> Arc<dyn Fft<f32>> {
+    FftPlanner::new().plan_fft_forward(length)
+}
+
+/// The transform x_n = sum X_k exp(+j 2 pi k n / N) of so many numbers: N times the inverse of the other.
+pub fn inverse_transform(length: usize) -> Arc<dyn Fft<f32>> {
+    FftPlanner::new().plan_fft_inverse(length)
+}
 
 /// Dynamic complex matrix.
 pub type CMat = Mat<Complex64>;

@@ -29,8 +29,7 @@ use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLE
 use crate::gnss::prn_code::ca_code;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
-use sdr_rx_linalg::hermitian_eigen;
+use sdr_rx_linalg::{Fft, forward_transform, hermitian_eigen, inverse_transform};
 use std::f64::consts::TAU;
 
 /// Greatest cross-correlation of two C/A codes at any Doppler, -21.1 dB (Kaplan & Hegarty, 3rd ed., 3.3): what
@@ -239,9 +238,7 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(data: &'a CodePeriods, options: &'a CodePeriodOptions) -> Self {
-        let mut planner = FftPlanner::new();
-        let (forward, inverse) =
-            (planner.plan_fft_forward(data.bins), planner.plan_fft_inverse(data.bins));
+        let (forward, inverse) = (forward_transform(data.bins), inverse_transform(data.bins));
         Self { data, options, forward, inverse }
     }
 

@@ -12,7 +12,7 @@ use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLE
 use crate::gnss::prn_code::ca_code;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use sdr_rx_linalg::{Fft, forward_transform, inverse_transform};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -137,8 +137,7 @@ impl SearchPlan {
             return Err(AcquisitionError::Options(reason));
         }
         let bins = bins_per_period(rate_hz);
-        let mut planner = FftPlanner::new();
-        let (forward, inverse) = (planner.plan_fft_forward(bins), planner.plan_fft_inverse(bins));
+        let (forward, inverse) = (forward_transform(bins), inverse_transform(bins));
         let codes = options
             .satellites
             .iter()

@@ -1,7 +1,7 @@
 //! Power spectra.
 
 use num_complex::Complex32;
-use rustfft::FftPlanner;
+use sdr_rx_linalg::forward_transform;
 use std::f64::consts::TAU;
 
 /// Welch's estimate of the power spectrum (Welch 1967): the mean over half-overlapping segments of
@@ -14,7 +14,7 @@ pub fn power_spectrum(samples: &[Complex32], bins: usize) -> Vec<f64> {
     let window: Vec<f32> =
         (0..bins).map(|k| (0.5 - 0.5 * (TAU * k as f64 / bins as f64).cos()) as f32).collect();
     let window_power: f64 = window.iter().map(|w| f64::from(*w).powi(2)).sum();
-    let fft = FftPlanner::new().plan_fft_forward(bins);
+    let fft = forward_transform(bins);
     let mut scratch = vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
     let mut segment = vec![Complex32::ZERO; bins];
     let mut power = vec![0.0; bins];
