@@ -59,9 +59,9 @@ impl Reading {
         parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
 
-    /// All readings that are worth a try, beside the one asked for.
+    /// All readings that are worth a try, beside the one asked for; the likelier first.
     fn others(info: &StreamInfo) -> Vec<Self> {
-        let mut list = vec![Self { wide_doppler: true, ..Self::default() }];
+        let mut list = Vec::new();
         for format in TYPES.into_iter().filter(|t| *t != info.format) {
             // Real samples have an intermediate frequency; a quarter of the rate is the usual one.
             let needs_if = format.starts_with('r') && info.if_hz == 0.0;
@@ -76,12 +76,13 @@ impl Reading {
             }
         }
         let quarter = info.rate_hz / 4.0;
-        let frequencies = [0.0, -info.if_hz, quarter, -quarter, 420e3, 4.092e6, 2.42e6, 3e6];
+        let frequencies = [0.0, quarter, 420e3, 4.092e6, 2.42e6, 3e6, -info.if_hz, -quarter];
         for if_hz in frequencies {
             if (if_hz - info.if_hz).abs() > 1.0 && if_hz.abs() < 0.6 * info.rate_hz {
                 list.push(Self { if_hz: Some(if_hz), ..Self::default() });
             }
         }
+        list.push(Self { wide_doppler: true, ..Self::default() });
         list
     }
 }
@@ -111,7 +112,7 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
             let sky = satellites(open(&reading)?, &search)?;
             Some((reading, sky))
         })
-        .max_by(|a, b| a.1.count.cmp(&b.1.count).then(a.1.total_dbhz.total_cmp(&b.1.total_dbhz)));
+        .reduce(|best, next| if next.1.shows_more_than(&best.1) { next } else { best });
     match best {
         Some((reading, Sky { count, .. })) if count >= FEW && count > found => {
             advice.push(format!("{count} satellites are there with {}: try it", reading.option()));
@@ -124,10 +125,19 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
     advice
 }
 
-/// How many sound satellites there are, and their C/N0 added up: the better reading has more of both.
+/// How many sound satellites there are, and their C/N0 added up.
 struct Sky {
     count: usize,
     total_dbhz: f64,
+}
+
+impl Sky {
+    /// More satellites, or as many that are stronger by a decibel: real samples show the same sky at an
+    /// intermediate frequency and at its negative, and the same Dopplers may be searched under two options.
+    fn shows_more_than(&self, other: &Self) -> bool {
+        let stronger = self.total_dbhz > other.total_dbhz + self.count as f64;
+        self.count > other.count || (self.count == other.count && stronger)
+    }
 }
 
 /// The satellites in the first samples of a source.

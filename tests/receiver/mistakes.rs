@@ -19,6 +19,8 @@ pub fn trials() -> Vec<Trial> {
 
 /// A capture and how it is rightly read, with some of its satellites: six are enough for advice, and quick.
 const TOKYO: [&str; 2] = ["sim_tokyo_2.6MHz_1s_cs8.bin", "G10,G12,G13,G15,G18,G19"];
+/// Of an oscillator 10 kHz off.
+const CTTC: [&str; 2] = ["cttc_L1_4MHz_4ms_cf32.bin", "G29,G25,G31,G12,G02,G05"];
 const POCKET_4: [&str; 2] = ["pocketsdr_L1_4MHz_iq_cs8.bin", "G26,G31,G29,G16,J02,J03"];
 const POCKET_12: [&str; 2] = ["pocketsdr_L1_12MHz_real_s8.bin", "G05,G13,G20,G15,G30,J01"];
 
@@ -79,7 +81,8 @@ fn frequency(data: &Path) -> Result<(), Failed> {
     all([
         named(data, TOKYO, "-f cs8 -r 2.6M --if 420k", &["--if 0"]),
         named(data, TOKYO, "-f cs8 -r 2.6M --if=-48.75k", &["--if 0"]),
-        named(data, TOKYO, "-f cs8 -r 2.6M --if 12k", &["--doppler-max"]),
+        named(data, TOKYO, "-f cs8 -r 2.6M --if 12k", &["--if 0"]),
+        named(data, CTTC, "-f cf32 -r 4M", &["--doppler-max"]),
         named(data, POCKET_12, "-f rs8 -r 12M --if 4.092M", &["--if 3000000"]),
         named(data, POCKET_12, "-f rs8 -r 12M --if 0", &["--if 3000000"]),
         named(data, POCKET_12, "-f rs8 -r 12M", &["real samples", "--if"]),
