@@ -18,6 +18,9 @@ pub const LOOK_S: f64 = 0.025;
 const WINDOW_MS: usize = 4;
 const WINDOWS: usize = 5;
 
+/// Rate that leaves most of the signal's power, and a quick search, Hz.
+const ENOUGH_HZ: f64 = 2.4e6;
+
 /// Sample types that are mistaken for each other.
 const TYPES: [&str; 9] = ["cs8", "cu8", "cs16", "cf32", "rs8", "rs16", "b1", "b2", "rb2"];
 
@@ -146,7 +149,7 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     if info.rate_hz < 2.0 * CA_CHIP_RATE * 0.97 {
         return None;
     }
-    let decimation = ((info.rate_hz / 4e6) as usize).max(1);
+    let decimation = ((info.rate_hz / ENOUGH_HZ) as usize).max(1);
     let mut conditioner = Conditioner::new(&info, decimation);
     let (mut raw, mut block) = (Block::default(), Block::default());
     source.read(&mut raw, (LOOK_S * info.rate_hz) as usize).ok()?;

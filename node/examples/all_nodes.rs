@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! cargo run -- network make hubs110 --layout hubs
-//! cargo run -p sdr-rx-node --profile node --example all_nodes -- hubs110/network.toml
+//! cargo run -p sdr-rx-node --example all_nodes -- hubs110/network.toml
 //! ```
 
 use anyhow::{Context, Result, ensure};
