@@ -45,7 +45,13 @@ fn ratios(_: &mut Criterion) {
     let plan = AdmmPlan::new(&a).expect("a dictionary");
     let exact = AdmmSettings { gap: 1e-6, iterations: 20_000, ..AdmmSettings::default() };
     let optimum = l1_admm::solve_exactly(&a, &y, &exact).expect("a solution");
-    let count = |iterations| AdmmSettings { gap: 0.0, iterations, ..AdmmSettings::default() };
+    // So many iterations and one look at the gap, at the end.
+    let count = |iterations| AdmmSettings {
+        gap: 0.0,
+        iterations,
+        stretch: iterations,
+        ..AdmmSettings::default()
+    };
     let solved = |iterations| plan.solve(&y, &count(iterations)).expect("a solution");
     let needed = |enough: &dyn Fn(&l1_admm::SparseEstimate) -> bool| {
         (10..1000).step_by(10).find(|k| enough(&solved(*k))).expect("it converges")

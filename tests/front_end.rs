@@ -90,9 +90,10 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
 }
 
 /// Satellites that a search of 10 ms finds (periods of 1 ms summed) in (0.1, 400) noise at 44 dB-Hz. Its threshold
-/// is 85 on a sum of ten periods, chi-square of 20 degrees. Linear it has 28 dB-Hz (16.1 dB lost) and reaches that
-/// with a probability below 1e-4 for each satellite; the sign, the dearest of the others, has 42.1 dB-Hz, 39.3 where
-/// the satellite lies half a sample and half a Doppler bin off the grid, and misses with one below 1e-5.
+/// is 85 on a sum of ten periods, chi-square of 20 degrees (1e-3 in 32 x 2592 x 21 cells). Linear it has 28 dB-Hz
+/// (16.1 dB lost) and reaches that with a probability below 1e-4 for each satellite; the sign, the dearest of the
+/// others, has 42.1 dB-Hz, 39.3 where the satellite lies half a sample and half a Doppler bin off the grid, and
+/// misses with one below 1e-5.
 fn cold_search(
     suppression: Suppression,
     seed: u64,

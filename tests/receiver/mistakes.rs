@@ -19,7 +19,7 @@ pub fn trials() -> Vec<Trial> {
 
 /// A capture and how it is rightly read, with some of its satellites: six are enough for advice, and quick.
 const TOKYO: [&str; 2] = ["sim_tokyo_2.6MHz_1s_cs8.bin", "G10,G12,G13,G15,G18,G19"];
-/// Of an oscillator 10 kHz off.
+/// Its Dopplers are 7 to 12 kHz.
 const CTTC: [&str; 2] = ["cttc_L1_4MHz_4ms_cf32.bin", "G29,G25,G31,G12,G02,G05"];
 const POCKET_4: [&str; 2] = ["pocketsdr_L1_4MHz_iq_cs8.bin", "G26,G31,G29,G16,J02,J03"];
 const POCKET_12: [&str; 2] = ["pocketsdr_L1_12MHz_real_s8.bin", "G05,G13,G20,G15,G30,J01"];
