@@ -8,9 +8,9 @@
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{DMatrix, DVector, Vector3, Vector4};
-use sdr_rx::positioning::solver::Solver;
-use sdr_rx::positioning::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
-use sdr_rx::positioning::solver::observations::{Observed, Sigma};
+use sdr_rx::position::solver::Solver;
+use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
+use sdr_rx::position::solver::observations::{Observed, Sigma};
 use std::hint::black_box;
 
 /// Radius of the altitude wall, m.

@@ -5,10 +5,10 @@
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
-use sdr_rx::gnss::tle;
-use sdr_rx::positioning::Solver;
-use sdr_rx::positioning::solver::model::{Doppler, ObservationModel, Satellite};
-use sdr_rx::positioning::solver::observations::{Observed, Sigma};
+use sdr_rx::gnss::format::tle;
+use sdr_rx::position::Solver;
+use sdr_rx::position::solver::model::{Doppler, ObservationModel, Satellite};
+use sdr_rx::position::solver::observations::{Observed, Sigma};
 
 /// Error of a range rate, m/s (0.5 Hz at L1), and drift of the receiver's oscillator, m/s.
 const SIGMA_MPS: f64 = 0.1;

@@ -3,10 +3,10 @@
 
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
-use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
-use sdr_rx::positioning::solver::aw_dgn_bt::aw_dgn_bt;
-use sdr_rx::positioning::solver::model::{Pseudorange, Satellite};
-use sdr_rx::positioning::{PositioningOptions, solve_epoch};
+use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::position::solver::aw_dgn_bt::aw_dgn_bt;
+use sdr_rx::position::solver::model::{Pseudorange, Satellite};
+use sdr_rx::position::{PositioningOptions, solve_epoch};
 use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use std::error::Error;
 

@@ -3,8 +3,8 @@
 //! `cargo run --release --example read_navigation_file [FILE.rnx]`; without a file it reads one that it
 //! writes from the orbits of a scenario.
 
-use sdr_rx::gnss::rinex_nav;
-use sdr_rx::report::rinex_navigation;
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::format::rinex_nav::write;
 use sdr_rx::scenario::Scenario;
 use std::error::Error;
 
@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(path) => rinex_nav::read(path)?,
         None => {
             let path = concat!(env!("CARGO_MANIFEST_DIR"), "/signals/circle_8sv.toml");
-            let text = rinex_navigation(&Scenario::read(path.as_ref())?.navigation()?);
+            let text = write(&Scenario::read(path.as_ref())?.navigation()?);
             rinex_nav::parse(&text, "circle_8sv.rnx")?.data
         }
     };

@@ -2,11 +2,11 @@
 //!
 //! `cargo run --release --example snapshot_fix`
 
+use sdr_rx::acquisition::snapshot_epoch;
 use sdr_rx::acquisition::{Refiner, SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::correlator::{CodeTable, SampleBuffer};
-use sdr_rx::observables::snapshot_epoch;
-use sdr_rx::positioning::{SnapshotOptions, solve_snapshot};
+use sdr_rx::position::{SnapshotOptions, solve_snapshot};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::error::Error;
 

@@ -58,8 +58,8 @@
 //! use sdr_rx::acquisition::{Refiner, SearchOptions, SearchPlan};
 //! use sdr_rx::capture::{Block, SampleSource};
 //! use sdr_rx::correlator::{CodeTable, SampleBuffer};
-//! use sdr_rx::observables::snapshot_epoch;
-//! use sdr_rx::positioning::{SnapshotOptions, solve_snapshot};
+//! use sdr_rx::acquisition::snapshot_epoch;
+//! use sdr_rx::position::{SnapshotOptions, solve_snapshot};
 //! use sdr_rx::scenario::{Scenario, ScenarioSource};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
@@ -88,38 +88,19 @@
 //! # }
 //! ```
 
-// A process of a network needs `network` and `network_file` alone, and builds without the feature `receiver`.
-#[cfg(feature = "receiver")]
+pub use sdr_rx_gnss as gnss;
+pub use sdr_rx_network as network;
+pub use sdr_rx_position as position;
+
 pub mod acquisition;
-#[cfg(feature = "receiver")]
 pub mod advice;
-#[cfg(feature = "receiver")]
 pub mod array;
-#[cfg(feature = "receiver")]
 pub mod capture;
-#[cfg(feature = "receiver")]
 pub mod correlator;
-#[cfg(feature = "receiver")]
 pub mod experiment;
-#[cfg(feature = "receiver")]
 pub mod front_end;
-#[cfg(feature = "receiver")]
-pub mod gnss;
-#[cfg(feature = "receiver")]
-pub mod navigation;
-pub mod network;
-pub mod network_file;
-#[cfg(feature = "receiver")]
-pub mod observables;
-#[cfg(feature = "receiver")]
-pub mod positioning;
-#[cfg(feature = "receiver")]
 pub mod receiver;
-#[cfg(feature = "receiver")]
 pub mod report;
-#[cfg(feature = "receiver")]
 pub mod scenario;
-#[cfg(feature = "receiver")]
 pub mod temporary;
-#[cfg(feature = "receiver")]
 pub mod tracking;

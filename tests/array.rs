@@ -7,25 +7,14 @@ mod code_period_svd;
 mod common;
 #[path = "array/jammer.rs"]
 mod jammer;
-#[path = "array/jane.rs"]
-mod jane;
 #[path = "array/routes.rs"]
 mod routes;
 #[path = "array/sky.rs"]
 mod sky;
-#[path = "array/solvers.rs"]
-mod solvers;
 
 use libtest_mimic::Arguments;
 
 fn main() {
-    let tests = [
-        solvers::trials(),
-        code_period_svd::trials(),
-        jammer::trials(),
-        jane::trials(),
-        routes::trials(),
-        capture::trials(),
-    ];
+    let tests = [code_period_svd::trials(), jammer::trials(), routes::trials(), capture::trials()];
     libtest_mimic::run(&Arguments::from_args(), tests.into_iter().flatten().collect()).exit();
 }

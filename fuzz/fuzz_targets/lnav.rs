@@ -3,8 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use sdr_rx::gnss::Sv;
-use sdr_rx::gnss::lnav::{Header, decode_subframe, encode_subframe};
-use sdr_rx::navigation::{FrameDecoder, NavigationCollector, Subframe};
+use sdr_rx::gnss::message::lnav::{Header, decode_subframe, encode_subframe};
+use sdr_rx::gnss::message::lnav::{FrameDecoder, NavigationCollector, Subframe};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut decoder = FrameDecoder::new();

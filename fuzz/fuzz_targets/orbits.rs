@@ -2,7 +2,8 @@
 //! SP3 files and element sets of any content: what is read gives states.
 
 use libfuzzer_sys::fuzz_target;
-use sdr_rx::gnss::{Sv, sp3, tle};
+use sdr_rx::gnss::Sv;
+use sdr_rx::gnss::format::{sp3, tle};
 
 fuzz_target!(|text: &[u8]| {
     let text = String::from_utf8_lossy(text);

@@ -2,7 +2,7 @@
 //! A RINEX navigation file of any content: what is read is written and read back unchanged.
 
 use libfuzzer_sys::fuzz_target;
-use sdr_rx::gnss::rinex_nav;
+use sdr_rx::gnss::format::rinex::navigation;
 use sdr_rx::report::rinex_navigation;
 
 fuzz_target!(|text: &[u8]| {

@@ -4,21 +4,18 @@
 //! then measures what was found to a fraction of a chip and of a hertz over as much signal as there is,
 //! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
 
-pub mod carrier;
-mod code_period_search;
 mod consistency;
 mod cross_correlation;
-mod despread;
 mod refine;
-mod search;
+pub(crate) mod search;
+mod snapshot;
 pub mod statistics;
 
-pub use code_period_search::{CodeFound, CodePeriodLook, CodePeriodOptions, search_code_periods};
 pub use consistency::{Slip, find_slip, is_mirrored};
 pub use cross_correlation::remove_shadows;
-pub use despread::despread;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
+pub use snapshot::snapshot_epoch;
 
 use crate::gnss::Sv;
 

@@ -7,7 +7,7 @@
 //! Kaplan & Hegarty, 3rd ed., 8.6).
 
 use super::Acquisition;
-use super::carrier::{CarrierSpan, estimate_carrier};
+use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ};
 use num_complex::Complex64;

@@ -350,7 +350,7 @@ fn sampled_code(sv: Sv, bins: usize) -> Vec<Complex32> {
 }
 
 /// exp(-j 2 pi cycles).
-pub(super) fn phasor(cycles: f64) -> Complex32 {
+pub(crate) fn phasor(cycles: f64) -> Complex32 {
     let turn = Complex64::cis(-TAU * cycles.fract());
     Complex32::new(turn.re as f32, turn.im as f32)
 }
@@ -360,7 +360,7 @@ pub(super) fn phasor(cycles: f64) -> Complex32 {
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "aarch64+neon"
 ))]
-pub(super) fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) {
+pub(crate) fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) {
     for ((a, b), out) in a.iter().zip(b).zip(out) {
         *out = Complex32::new(a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re);
     }
@@ -371,7 +371,7 @@ pub(super) fn multiply(a: &[Complex32], b: &[Complex32], out: &mut [Complex32]) 
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "aarch64+neon"
 ))]
-pub(super) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) {
+pub(crate) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) {
     for (power, value) in power.iter_mut().zip(values) {
         let norm = value.re * value.re + value.im * value.im;
         *power = if replace { norm } else { *power + norm };

@@ -6,7 +6,7 @@
 //! tile products are summed in single precision (32 terms a lane), from tile to tile in double.
 
 use super::CMat;
-use super::random_matrix::{self, Division};
+use super::decision::random_matrix::{self, Division};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx_linalg::hermitian_eigen;

@@ -2,7 +2,7 @@
 
 use super::sample_format::FORMAT_NAMES;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a capture cannot be read or written: what was wrong, where, and what would be right.
 #[derive(Debug, thiserror::Error)]
@@ -99,4 +99,13 @@ pub enum CaptureError {
     Write { path: PathBuf, cause: io::Error },
     #[error("'{}': {reason}", path.display())]
     Unwritable { path: PathBuf, reason: String },
+}
+
+/// A field of metadata whose value cannot be.
+pub(super) fn wrong(path: &Path, field: &str, reason: impl ToString) -> CaptureError {
+    CaptureError::MetadataValue {
+        path: path.to_owned(),
+        field: field.to_owned(),
+        reason: reason.to_string(),
+    }
 }

@@ -3,10 +3,10 @@
 //! A lane (a file) holds blocks of chunks of words; a chunk holds lumps, a lump streams, and a stream
 //! the samples of a band. Only the bits of the chosen streams are decoded.
 
+use super::error::wrong;
 use super::file_source::Description;
 use super::ion_bits::{Order, Stream, byte_order, place_streams};
 use super::lane::Data;
-use super::sigmf::wrong;
 use super::{CaptureError, OpenOptions, Packing, SampleFormat};
 use crate::gnss::GpsTime;
 use crate::gnss::constants::L1_HZ;

@@ -13,8 +13,6 @@ mod options;
 mod packing;
 mod sample_format;
 pub mod sigmf;
-pub mod sigmf_spatial;
-mod sigmf_writer;
 mod source;
 mod wav;
 
@@ -26,5 +24,5 @@ pub use open::open;
 pub use options::{Layout, OpenOptions};
 pub use packing::{BitOrder, Component, Encoding, Packing};
 pub use sample_format::{FORMAT_NAMES, SampleFormat};
-pub use sigmf_writer::SigmfWriter;
+pub use sigmf::SigmfWriter;
 pub use source::{SampleSource, SourceError, StreamInfo};

@@ -2,7 +2,7 @@
 
 use super::file_source::{Description, FileSource};
 use super::lane::{Data, is_stdin};
-use super::sigmf_spatial::joined;
+use super::sigmf::joined;
 use super::{CaptureError, OpenOptions, SampleFormat, SampleSource, ion, sigmf, wav};
 use std::path::{Path, PathBuf};
 

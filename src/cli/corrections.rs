@@ -3,7 +3,7 @@
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::gnss::atmosphere::Troposphere;
-use sdr_rx::positioning::PositioningOptions;
+use sdr_rx::position::PositioningOptions;
 
 /// What is taken out of the ranges, and which are used.
 #[derive(Args, Clone, Debug)]

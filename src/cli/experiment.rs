@@ -1,14 +1,13 @@
-//! `sdr-rx experiment`: figures and tables made again.
+//! `sdr-rx experiment front-end`: what each property of a front end does.
+//! The papers' figures have a program of their own, `sdr-rx-lab`.
 
-use super::experiment_aw_dgn;
-use super::experiment_distributed_ls;
-use super::experiment_front_end;
-use super::experiment_lda_l11;
-use indicatif::{ProgressBar, ProgressStyle};
-use std::io::{IsTerminal, stderr};
+use sdr_rx::experiment;
+use sdr_rx::report::{OutputDir, write_atomically};
+use sdr_rx::scenario::Scenario;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Experiments: tables, CSV and plots, with theory beside them
+/// Experiments: tables, CSV and plots, with theory beside them (the papers' figures: sdr-rx-lab)
 #[derive(clap::Args)]
 pub struct Experiment {
     #[command(subcommand)]
@@ -17,27 +16,40 @@ pub struct Experiment {
 
 #[derive(clap::Subcommand)]
 enum Name {
-    AwDgn(experiment_aw_dgn::AwDgn),
-    DistributedLs(experiment_distributed_ls::DistributedLs),
-    LdaL11(experiment_lda_l11::LdaL11),
-    FrontEnd(experiment_front_end::FrontEnd),
+    FrontEnd(FrontEndSweep),
+}
+
+/// Bits, bandwidth, IF, oscillator, noise figure, elements, impulses: what each does to acquisition and fix
+///
+/// Example: sdr-rx experiment front-end signals/static_8sv.toml --quick
+#[derive(clap::Args)]
+pub struct FrontEndSweep {
+    /// The scenario whose sky, place and rate are used
+    scenario: PathBuf,
+    /// Write front_end.csv and front_end.svg into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Two runs for each setting instead of eight
+    #[arg(long)]
+    quick: bool,
 }
 
 /// Runs the experiment.
 pub fn run(args: &Experiment) -> anyhow::Result<ExitCode> {
     match &args.name {
-        Name::AwDgn(args) => experiment_aw_dgn::run(args),
-        Name::DistributedLs(args) => experiment_distributed_ls::run(args),
-        Name::LdaL11(args) => experiment_lda_l11::run(args),
-        Name::FrontEnd(args) => experiment_front_end::run(args),
+        Name::FrontEnd(args) => front_end(args),
     }
 }
 
-/// A progress bar of a thousand steps on a terminal, nothing elsewhere.
-pub(super) fn thousandths() -> anyhow::Result<ProgressBar> {
-    if !stderr().is_terminal() {
-        return Ok(ProgressBar::hidden());
+/// Prints the table, and writes files where asked.
+fn front_end(args: &FrontEndSweep) -> anyhow::Result<ExitCode> {
+    let scenario = Scenario::read(&args.scenario)?;
+    let rows = experiment::sweep(&scenario, if args.quick { 2 } else { 8 })?;
+    if let Some(folder) = &args.out {
+        OutputDir::create(folder)?;
+        write_atomically(&folder.join("front_end.csv"), experiment::csv(&rows).as_bytes())?;
+        write_atomically(&folder.join("front_end.svg"), experiment::plot(&rows)?.as_bytes())?;
     }
-    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left")?;
-    Ok(ProgressBar::new(1000).with_style(style))
+    print!("{}", experiment::table(&rows));
+    Ok(ExitCode::SUCCESS)
 }

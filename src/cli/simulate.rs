@@ -3,7 +3,8 @@
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
-use sdr_rx::report::{rinex_navigation, write_atomically};
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::report::write_atomically;
 use sdr_rx::scenario::{RawFormat, RawWriter, Scenario, ScenarioSource};
 use sdr_rx::temporary::temporary_beside;
 use std::io::{self, IsTerminal};
@@ -121,7 +122,7 @@ fn copy(
 fn write_beside(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
     let mut text = serde_json::to_vec_pretty(&source.truth())?;
     text.push(b'\n');
-    let navigation = rinex_navigation(&source.scenario().navigation()?);
+    let navigation = rinex_nav::write(&source.scenario().navigation()?);
     write_atomically(&out.with_extension("nav.rnx"), navigation.as_bytes())?;
     Ok(write_atomically(&out.with_extension("truth.json"), &text)?)
 }

@@ -8,11 +8,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::gnss::{GpsTime, NavigationData, rinex_nav, sp3};
-use sdr_rx::observables::ObservationEpoch;
-use sdr_rx::observables::rinex_obs::{self, ObservationHeader};
-use sdr_rx::positioning::solver::outcome::{Step, trace_csv};
-use sdr_rx::positioning::{
+use sdr_rx::gnss::format::rinex_obs::{self, ObservationHeader};
+use sdr_rx::gnss::format::{rinex_nav, sp3};
+use sdr_rx::gnss::observation::ObservationEpoch;
+use sdr_rx::gnss::{GpsTime, NavigationData};
+use sdr_rx::position::solver::outcome::{Step, trace_csv};
+use sdr_rx::position::{
     Exclusion, Fix, Height, Observable, PositioningError, Robust, SolveOptions, Solver,
     solve_observed, solve_static,
 };

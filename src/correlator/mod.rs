@@ -5,6 +5,7 @@
 //! held as planar `i16` (4 bytes a complex sample, converted once and shared by all channels).
 
 mod buffer;
+pub mod carrier;
 mod code_table;
 mod kernel;
 #[cfg(test)]

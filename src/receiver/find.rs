@@ -3,10 +3,10 @@
 use super::input::CHUNK_S;
 use super::spatial::head_covariance;
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, despread,
-    remove_shadows,
+    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, remove_shadows,
 };
-use crate::array::interference::Interference;
+use crate::array::code_periods::despread;
+use crate::array::sky::interference::Interference;
 use crate::array::{Beam, BeamKind, CMat, Signature};
 use crate::capture::Block;
 use crate::correlator::{CodeTable, SampleBuffer};

@@ -9,7 +9,7 @@ use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
 };
 use crate::array::ArraySky;
-use crate::array::interference::Interference;
+use crate::array::sky::interference::Interference;
 
 /// With fewer satellites than this a deeper search follows.
 const ENOUGH_SATELLITES: usize = 8;

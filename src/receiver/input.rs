@@ -4,7 +4,7 @@ use super::find::search;
 use super::spatial::SpatialFilter;
 use super::{ReceiverError, ReceiverOptions};
 use crate::acquisition::SearchOptions;
-use crate::array::interference::Interference;
+use crate::array::sky::interference::Interference;
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::correlator::SampleBuffer;
 use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};

@@ -8,14 +8,15 @@ mod spatial;
 mod survey;
 mod tracker;
 
+use crate::acquisition::snapshot_epoch;
 use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
 use crate::array::{ArraySky, BeamKind, LookOptions, SkyEpoch};
 use crate::capture::{SampleSource, SourceError};
 use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::ArrayDescription;
+use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData};
-use crate::observables::{ObservationEpoch, snapshot_epoch};
-use crate::positioning::{Fix, PositioningError, SnapshotOptions, TimeSearch, solve_snapshot};
+use crate::position::{Fix, PositioningError, SnapshotOptions, TimeSearch, solve_snapshot};
 use crate::tracking::TrackingOptions;
 use find::{BeamFormer, Region};
 use head::acquire_head;

@@ -3,12 +3,12 @@
 
 use super::find::Found;
 use super::{Outcome, ReceiverOptions};
-use crate::array::interference::Interference;
-use crate::array::look::jammers;
+use crate::array::sky::interference::Interference;
+use crate::array::sky::look::jammers;
 use crate::array::{ArraySky, Bearing, Jammer, Manifold, SkyEpoch};
 use crate::gnss::Sv;
 use crate::gnss::antenna::direction;
-use crate::positioning::{Fix, Residual};
+use crate::position::{Fix, Residual};
 use nalgebra::{Unit, Vector3};
 
 /// A sky in which something is suspect is told of when it stays so for this many looks, a second apart.

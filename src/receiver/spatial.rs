@@ -2,7 +2,7 @@
 
 use crate::array::CMat;
 use crate::array::covariance::covariance;
-use crate::array::interference::Interference;
+use crate::array::sky::interference::Interference;
 use crate::capture::Block;
 use num_complex::{Complex32, Complex64};
 

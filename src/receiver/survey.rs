@@ -2,8 +2,9 @@
 
 use super::ReceiverOptions;
 use super::input::CHUNK_S;
-use crate::acquisition::{Acquisition, AcquisitionError, CodePeriodOptions, search_code_periods};
-use crate::array::interference::Interference;
+use crate::acquisition::{Acquisition, AcquisitionError};
+use crate::array::code_periods::{CodePeriodOptions, search_code_periods};
+use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, BlindCount, LookError, Manifold, look};
 use crate::capture::Block;
 use num_complex::Complex32;

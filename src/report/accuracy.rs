@@ -2,7 +2,7 @@
 
 use super::summary::quantile;
 use crate::gnss::coordinates::Geodetic;
-use crate::positioning::Fix;
+use crate::position::Fix;
 use nalgebra::Vector3;
 use serde::Serialize;
 

@@ -1,9 +1,7 @@
 //! Files, written whole or not at all.
 
-use super::{
-    Run, geojson, html, json, kml, nmea, observation_file_name, rinex_navigation,
-    rinex_observations,
-};
+use super::{Run, Summary, geojson, html, json, kml, nmea};
+use crate::gnss::format::{rinex_nav, rinex_obs};
 use crate::temporary::temporary_beside;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -78,11 +76,13 @@ impl OutputDir {
 pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBuf>, ReportError> {
     let mut paths = vec![folder.write("result.json", json(run))?];
     if let (Some(first), Some(last)) = (run.epochs.first(), run.epochs.last()) {
-        let name = observation_file_name(first.receive_time, last.receive_time, run.epochs.len());
-        paths.push(folder.write(&name, rinex_observations(run))?);
+        let name = rinex_obs::file_name(first.receive_time, last.receive_time, run.epochs.len());
+        let place = Summary::new(run.fixes, run.input.rate_hz()).map(|s| s.median_m);
+        let text = rinex_obs::write(run.epochs, place.unwrap_or_default());
+        paths.push(folder.write(&name, text)?);
     }
     if !run.navigation.is_empty() {
-        paths.push(folder.write("navigation.rnx", rinex_navigation(run.navigation))?);
+        paths.push(folder.write("navigation.rnx", rinex_nav::write(run.navigation))?);
     }
     if !run.fixes.is_empty() {
         paths.push(folder.write("track.nmea", nmea(run))?);

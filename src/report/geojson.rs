@@ -2,7 +2,7 @@
 
 use super::Run;
 use crate::gnss::coordinates::Geodetic;
-use crate::positioning::Fix;
+use crate::position::Fix;
 use geojson::{Feature, FeatureCollection, GeoJson, Geometry};
 use serde_json::json;
 

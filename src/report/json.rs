@@ -8,7 +8,7 @@ use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
 use crate::gnss::coordinates::Geodetic;
-use crate::positioning::{Fix, FixMethod};
+use crate::position::{Fix, FixMethod};
 use serde::Serialize;
 
 /// The whole record of a run.

@@ -14,8 +14,6 @@ mod json;
 mod kml;
 mod line_plot;
 mod nmea;
-mod rinex_nav;
-mod rinex_obs;
 mod summary;
 mod svg;
 mod table;
@@ -30,8 +28,6 @@ pub use json::{Document, json};
 pub use kml::kml;
 pub use line_plot::{Curve, LinePlot};
 pub use nmea::nmea;
-pub use rinex_nav::rinex_navigation;
-pub use rinex_obs::{observation_file_name, rinex_observations};
 pub use summary::{SkyEntry, Summary, sky};
 pub use svg::{Dot, arrival_plot, dot_plot, east_north_plot, height_plot, sky_plot};
 pub use table::{acquisition_table, fix_table, noise_line, sky_text};
@@ -41,8 +37,8 @@ use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
-use crate::observables::ObservationEpoch;
-use crate::positioning::Fix;
+use crate::gnss::observation::ObservationEpoch;
+use crate::position::Fix;
 
 /// What a run was made from.
 #[derive(Clone, Copy, Debug)]

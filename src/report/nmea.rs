@@ -3,7 +3,7 @@
 use super::{Run, SkyEntry, sky};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{Constellation, GpsTime, Sv};
-use crate::positioning::Fix;
+use crate::position::Fix;
 use std::fmt::Write;
 
 /// Metres per second in a knot.
@@ -23,7 +23,7 @@ pub fn nmea(run: &Run) -> String {
 }
 
 /// The epochs up to a fix.
-fn until<'a>(run: &Run<'a>, fix: &Fix) -> &'a [crate::observables::ObservationEpoch] {
+fn until<'a>(run: &Run<'a>, fix: &Fix) -> &'a [crate::gnss::observation::ObservationEpoch] {
     let count = run.epochs.partition_point(|e| e.sample <= fix.sample);
     &run.epochs[..count]
 }

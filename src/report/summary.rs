@@ -3,7 +3,7 @@
 use super::Run;
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
-use crate::positioning::{Fix, Residual};
+use crate::position::{Fix, Residual};
 use nalgebra::Vector3;
 
 /// A satellite in the sky of the last fix.

@@ -7,7 +7,7 @@ use crate::gnss::antenna::{AntennaArray, direction};
 use crate::gnss::constants::{
     CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH, SPEED_OF_LIGHT,
 };
-use crate::gnss::lnav::LnavError;
+use crate::gnss::message::lnav::LnavError;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use std::ops::Range;

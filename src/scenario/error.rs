@@ -1,6 +1,6 @@
 //! Why a scenario cannot be simulated.
 
-use crate::gnss::lnav::LnavError;
+use crate::gnss::message::lnav::LnavError;
 use crate::gnss::{GpsTime, Sv};
 use std::path::PathBuf;
 

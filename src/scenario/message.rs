@@ -1,6 +1,6 @@
 //! The navigation message of one satellite as a stream of bits.
 
-use crate::gnss::lnav::{
+use crate::gnss::message::lnav::{
     Almanac, Header, Health1To24, Health25To32, IonosphereUtc, LnavError, Message, SUBFRAME_BITS,
     Subframe1, encode_subframe, page_sv_id,
 };
@@ -116,8 +116,8 @@ impl MessageStream {
 mod tests {
     use super::*;
     use crate::gnss::Sv;
-    use crate::gnss::ephemeris::tests::sample_ephemeris;
-    use crate::gnss::lnav::{assemble, decode_subframe, decode_words};
+    use crate::gnss::message::lnav::{assemble, decode_subframe, decode_words};
+    use crate::gnss::orbit::broadcast::sample_ephemeris;
 
     #[test]
     fn twelve_and_a_half_minutes_of_bits_decode_to_the_ephemeris_and_all_pages() {

@@ -142,7 +142,7 @@ impl PseudorangeTable {
 mod tests {
     use super::super::receiver::{Motion, Place, Receiver};
     use super::*;
-    use crate::gnss::ephemeris::tests::sample_ephemeris;
+    use crate::gnss::orbit::broadcast::sample_ephemeris;
 
     #[test]
     fn interpolated_pseudoranges_are_exact_to_a_tenth_of_a_millimetre_on_a_violent_circle() {

@@ -9,7 +9,7 @@ use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::gnss::Sv;
 use crate::gnss::antenna::{AntennaArray, ArrayDescription};
 use crate::gnss::constants::CA_CODE_PERIOD;
-use crate::gnss::lnav::LnavError;
+use crate::gnss::message::lnav::LnavError;
 use num_complex::Complex32;
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 //! The likeliest edge is searched together with what is left of the Doppler ([`estimate_carrier`]): it
 //! needs neither phase lock nor a perfect frequency.
 
-use crate::acquisition::carrier::{CarrierSpan, estimate_carrier};
+use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
 use num_complex::Complex64;
 
 /// Code periods in a data bit.

@@ -9,8 +9,10 @@ mod bit_sync;
 mod channel;
 mod discriminators;
 mod lock;
+mod log;
 mod loop_filter;
 
 pub use bit_sync::Bit;
 pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};
 pub use lock::LockState;
+pub use log::{TrackLog, observation_epochs};

@@ -2,7 +2,7 @@
 
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
-use sdr_rx::acquisition::{CodePeriodLook, CodePeriodOptions, search_code_periods};
+use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
 use sdr_rx::capture::{self, Block, OpenOptions};
 use serde_json::Value;
 use std::path::Path;

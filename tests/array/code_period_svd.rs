@@ -3,7 +3,7 @@
 use crate::sky::{RATE_HZ, Sky, Truth};
 use libtest_mimic::{Failed, Trial};
 use rayon::prelude::*;
-use sdr_rx::acquisition::{CodePeriodLook, CodePeriodOptions, search_code_periods};
+use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
 use sdr_rx::capture::{Block, StreamInfo};
 use sdr_rx::front_end::{ImpulseSuppressor, Suppression};
 

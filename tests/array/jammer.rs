@@ -7,7 +7,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx::array::Beam;
 use sdr_rx::array::covariance::covariance;
-use sdr_rx::array::interference::Interference;
+use sdr_rx::array::sky::interference::Interference;
 use sdr_rx::capture::Block;
 use sdr_rx::gnss::prn_code::ca_code;
 

@@ -5,7 +5,7 @@ use crate::sky::{RATE_HZ, Sky, Truth};
 use libtest_mimic::{Failed, Trial};
 use num_complex::Complex32;
 use rayon::prelude::*;
-use sdr_rx::acquisition::{CodePeriodOptions, search_code_periods};
+use sdr_rx::array::code_periods::{CodePeriodOptions, search_code_periods};
 use sdr_rx::array::covariance::{compress, covariance};
 use sdr_rx::array::{
     CMat, Engine, Jane, JaneOptions, Manifold, SparseOptions, arrival, dictionary, row_noise,

@@ -2,7 +2,8 @@
 
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
-use sdr_rx::gnss::{GpsTime, rinex_nav};
+use sdr_rx::gnss::GpsTime;
+use sdr_rx::gnss::format::rinex_nav;
 use std::path::Path;
 
 /// Each file with its numbers of GPS and QZSS records and of satellites, counted with grep and awk.

@@ -5,8 +5,9 @@ use libtest_mimic::{Failed, Trial};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sdr_rx::gnss::constants::{MU_EARTH, SPEED_OF_LIGHT};
-use sdr_rx::gnss::{GpsTime, Orbit, rinex_nav, sp3, tle};
-use sdr_rx::observables::rinex_obs::{self, ObservationReader};
+use sdr_rx::gnss::format::rinex_obs::{self, ObservationReader};
+use sdr_rx::gnss::format::{rinex_nav, sp3, tle};
+use sdr_rx::gnss::{GpsTime, Orbit};
 use std::path::Path;
 
 /// Each observation file with its numbers of epochs, and of GPS and QZSS satellites in them.

@@ -3,9 +3,10 @@
 use crate::common::data_trial;
 use crate::files::FILES;
 use libtest_mimic::{Failed, Trial};
-use sdr_rx::gnss::lnav::{Header, Message, Subframe1, encode_subframe};
-use sdr_rx::gnss::{Ephemeris, rinex_nav};
-use sdr_rx::navigation::{FrameDecoder, NavigationCollector, Update};
+use sdr_rx::gnss::Ephemeris;
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
+use sdr_rx::gnss::message::lnav::{Header, Message, Subframe1, encode_subframe};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {

@@ -2,14 +2,15 @@
 
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
-use sdr_rx::gnss::{Sv, rinex_nav};
+use sdr_rx::gnss::Sv;
+use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::network::admm::{LeastSquares, Weight};
 use sdr_rx::network::code_bias::ReceiverBias;
 use sdr_rx::network::consensus::{Node, NodeOptions};
-use sdr_rx::network::{Datum, Graph, constraints, sim};
-use sdr_rx::network_file::rinex::{
+use sdr_rx::network::file::rinex::{
     CodeOptions, StationEpoch, satellites, station_epochs, station_normals,
 };
+use sdr_rx::network::{Datum, Graph, constraints, sim};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {

@@ -7,11 +7,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
-use sdr_rx::positioning::solver::Solver;
-use sdr_rx::positioning::solver::aw_dgn_bt::{Damping, iterate};
-use sdr_rx::positioning::solver::model::{Doppler, Pseudorange};
-use sdr_rx::positioning::solver::observations::{Both, Observations, Observed, Sigma};
-use sdr_rx::positioning::solver::outcome::{Ambiguity, State};
+use sdr_rx::position::solver::Solver;
+use sdr_rx::position::solver::aw_dgn_bt::{Damping, iterate};
+use sdr_rx::position::solver::model::{Doppler, Pseudorange};
+use sdr_rx::position::solver::observations::{Both, Observations, Observed, Sigma};
+use sdr_rx::position::solver::outcome::{Ambiguity, State};
 use std::ops::RangeInclusive;
 
 /// Draws of each case; ten times as many with `--ignored`.

@@ -6,14 +6,14 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use sdr_rx::positioning::solver::descent::Direction::{Diagonal, GaussNewton, Gradient};
-use sdr_rx::positioning::solver::descent::StepRule::{
+use sdr_rx::position::solver::descent::Direction::{Diagonal, GaussNewton, Gradient};
+use sdr_rx::position::solver::descent::StepRule::{
     self, Backtracking, BarzilaiBorwein, Constant, Geometric,
 };
-use sdr_rx::positioning::solver::descent::{Descent, Direction, mean_of_epochs};
-use sdr_rx::positioning::solver::model::{ObservationModel, Pseudorange, Satellite};
-use sdr_rx::positioning::solver::observations::{Observed, Sigma};
-use sdr_rx::positioning::solver::outcome::{Damped, Failure, State};
+use sdr_rx::position::solver::descent::{Descent, Direction, mean_of_epochs};
+use sdr_rx::position::solver::model::{ObservationModel, Pseudorange, Satellite};
+use sdr_rx::position::solver::observations::{Observed, Sigma};
+use sdr_rx::position::solver::outcome::{Damped, Failure, State};
 
 /// Unit of the course's coordinates, m.
 const R: f64 = 6371e3;

@@ -6,13 +6,13 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
-use sdr_rx::positioning::solver::bancroft::bancroft;
-use sdr_rx::positioning::solver::model::{
+use sdr_rx::position::solver::bancroft::bancroft;
+use sdr_rx::position::solver::model::{
     Doppler, LineOfSight, ObservationModel, Pseudorange, Satellite,
 };
-use sdr_rx::positioning::solver::observations::{Both, Observed, Sigma};
-use sdr_rx::positioning::solver::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
-use sdr_rx::positioning::solver::{SOLVER_NAMES, Solver};
+use sdr_rx::position::solver::observations::{Both, Observed, Sigma};
+use sdr_rx::position::solver::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
+use sdr_rx::position::solver::{SOLVER_NAMES, Solver};
 
 pub fn trials() -> Vec<Trial> {
     vec![
@@ -130,7 +130,7 @@ fn plane() -> Result<(), Failed> {
     let beside = EARTH_RADIUS * Vector3::new(0.97, 0.2, (1.0 - 0.97f64.powi(2) - 0.04).sqrt());
     let mirrored = beside.component_mul(&Vector3::new(1.0, 1.0, -1.0));
     let both = |solver: Solver, fix: Result<_, Failure>| -> Result<(), Failed> {
-        let fix: sdr_rx::positioning::solver::outcome::Solution = fix?;
+        let fix: sdr_rx::position::solver::outcome::Solution = fix?;
         let near = |place: &Vector3<f64>| {
             let at = |s: &State| (s.position_m - place).norm() < 1e3;
             at(&fix.state) || fix.alternatives.iter().any(at)

@@ -5,12 +5,12 @@ use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::atmosphere::Troposphere;
-use sdr_rx::gnss::{NavigationData, rinex_nav};
-use sdr_rx::observables::{ObservationEpoch, rinex_obs};
-use sdr_rx::positioning::{
-    Fix, Observable, PositioningOptions, SolveOptions, Solver, solve_observed,
-};
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::format::rinex_obs;
+use sdr_rx::gnss::observation::ObservationEpoch;
+use sdr_rx::position::{Fix, Observable, PositioningOptions, SolveOptions, Solver, solve_observed};
 
 pub fn trials() -> Vec<Trial> {
     vec![

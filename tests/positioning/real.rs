@@ -3,12 +3,14 @@
 use crate::common::data_trial;
 use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
+use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::gnss::{NavigationData, rinex_nav};
-use sdr_rx::observables::{CodeRange, ObservationEpoch, rinex_obs};
-use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::format::rinex_obs;
+use sdr_rx::gnss::observation::{CodeRange, ObservationEpoch};
+use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
-use sdr_rx::positioning::solver::model::{ObservationModel, Satellite};
+use sdr_rx::position::solver::model::{ObservationModel, Satellite};
 use std::ops::RangeInclusive;
 
 const EARTH_RATE: f64 = 7.292_115e-5;

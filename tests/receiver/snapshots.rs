@@ -5,9 +5,10 @@ use crate::program::median;
 use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::capture::{self, OpenOptions};
+use sdr_rx::gnss::GpsTime;
 use sdr_rx::gnss::atmosphere::Troposphere;
-use sdr_rx::gnss::{GpsTime, rinex_nav};
-use sdr_rx::positioning::{Fix, PositioningOptions, SnapshotOptions};
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions};
 use sdr_rx::receiver::{self, Outcome, ReceiverOptions};
 use std::path::Path;
 

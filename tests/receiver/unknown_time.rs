@@ -13,9 +13,10 @@ use rayon::prelude::*;
 use sdr_rx::capture::OpenOptions;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::constants::{MU_EARTH, OMEGA_EARTH};
-use sdr_rx::gnss::{Ephemeris, GpsTime, NavigationData, rinex_nav};
-use sdr_rx::observables::ObservationEpoch;
-use sdr_rx::positioning::{PositioningOptions, SnapshotOptions, solve_snapshot};
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::observation::ObservationEpoch;
+use sdr_rx::gnss::{Ephemeris, GpsTime, NavigationData};
+use sdr_rx::position::{PositioningOptions, SnapshotOptions, solve_snapshot};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {

@@ -3,8 +3,9 @@
 use crate::common::data_trial;
 use crate::scene::{EPOCHS, PLACE, Scene};
 use libtest_mimic::{Failed, Trial};
+use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::gnss::{NavigationData, rinex_nav};
+use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::report::{self, OutputDir, write_all};
 use std::path::Path;
 
@@ -32,7 +33,7 @@ fn navigation_files_survive(data: &Path) -> Result<(), Failed> {
         "obs/rtklib-geonet/07590920.05n",
     ] {
         let original = rinex_nav::read(data.join(name))?;
-        let text = report::rinex_navigation(&original);
+        let text = sdr_rx::gnss::format::rinex_nav::write(&original);
         assert!(text.lines().all(|l| l.len() <= 80), "{name}: RINEX lines have 80 columns");
         let back = rinex_nav::parse(&text, "ours")?.data;
         for (ours, theirs) in back.iter().zip(original.iter()) {

@@ -6,10 +6,11 @@ use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::gnss::constants::{L1_HZ, L1_WAVELENGTH, SPEED_OF_LIGHT};
 use sdr_rx::gnss::coordinates::azimuth_elevation;
+use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::orbit::Propagation;
-use sdr_rx::gnss::{GpsTime, NavigationData, Sv, rinex_nav};
-use sdr_rx::observables::{CodeRange, Observation, ObservationEpoch};
-use sdr_rx::positioning::{Fix, FixMethod, Residual};
+use sdr_rx::gnss::{GpsTime, NavigationData, Sv};
+use sdr_rx::position::{Fix, FixMethod, Residual};
 use sdr_rx::report::{Input, Run};
 use std::path::Path;
 

@@ -5,7 +5,7 @@ use super::correlator::{code_sigma, doppler_sigma, measure, periods};
 use super::theory::samples;
 use libtest_mimic::{Failed, Trial};
 use num_complex::Complex32;
-use sdr_rx::gnss::lnav::{Header, Message, decode_subframe, decode_words};
+use sdr_rx::gnss::message::lnav::{Header, Message, decode_subframe, decode_words};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::Path;
 

@@ -1,0 +1,61 @@
+//! How a platform is turned against the horizon.
+
+use crate::checked;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// How a platform is turned: its axes right, forward and up start as east, north and up; then it rolls
+/// about forward, pitches about right, and yaws about up. Degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Attitude {
+    /// Where forward points, from north over east.
+    #[serde(deserialize_with = "checked::finite")]
+    pub yaw_deg: f64,
+    /// How far forward points above the horizon.
+    #[serde(deserialize_with = "checked::finite")]
+    pub pitch_deg: f64,
+    /// How far the right side lies lower than the left (a right-handed turn about forward).
+    #[serde(deserialize_with = "checked::finite")]
+    pub roll_deg: f64,
+}
+
+impl Attitude {
+    /// The rotation that takes (right, forward, up) of the platform to (east, north, up).
+    pub fn to_enu(&self) -> Matrix3<f64> {
+        let turn = |axis, degrees: f64| Rotation3::from_axis_angle(&axis, degrees.to_radians());
+        let yaw = turn(Vector3::z_axis(), -self.yaw_deg);
+        let pitch = turn(Vector3::x_axis(), self.pitch_deg);
+        let roll = turn(Vector3::y_axis(), self.roll_deg);
+        (yaw * pitch * roll).into_inner()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_axes_go_where_yaw_pitch_and_roll_say() {
+        let axes = |yaw_deg, pitch_deg, roll_deg| {
+            let m = Attitude { yaw_deg, pitch_deg, roll_deg }.to_enu();
+            [0, 1, 2].map(|k| m.column(k).into_owned())
+        };
+        let near = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-15;
+        let [right, forward, up] = axes(90.0, 0.0, 0.0);
+        assert!(near(forward, [1.0, 0.0, 0.0]) && near(right, [0.0, -1.0, 0.0]));
+        assert!(near(up, [0.0, 0.0, 1.0]));
+        let half = 0.5f64.sqrt();
+        let [right, forward, _] = axes(0.0, 45.0, 0.0);
+        assert!(near(forward, [0.0, half, half]) && near(right, [1.0, 0.0, 0.0]));
+        let [right, forward, up] = axes(0.0, 0.0, 90.0);
+        assert!(near(right, [0.0, 0.0, -1.0]) && near(forward, [0.0, 1.0, 0.0]));
+        assert!(near(up, [1.0, 0.0, 0.0]));
+        // Forward at azimuth 30, elevation 20, whatever the roll; and right is lower by sin(roll) cos(pitch).
+        let [right, forward, _] = axes(30.0, 20.0, 10.0);
+        let direction = super::super::direction(30f64.to_radians(), 20f64.to_radians());
+        assert!((forward - direction.into_inner()).norm() < 1e-15);
+        let lower = 10f64.to_radians().sin() * 20f64.to_radians().cos();
+        assert!((right.z + lower).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,151 @@
+//! Lines with fixed columns, as RINEX, SP3 and element sets have them, and what can be wrong with them.
+
+use crate::GpsTime;
+use std::path::{Path, PathBuf};
+
+/// Why a file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("reading the {format} file {path}: {source}")]
+    Io {
+        /// What the file should hold, such as RINEX.
+        format: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A line is not what the format asks for.
+    #[error("reading {format} {file}, line {line}: {problem}; {right}")]
+    Malformed {
+        /// What the file should hold, such as RINEX.
+        format: &'static str,
+        /// The file.
+        file: String,
+        /// Line number, from 1.
+        line: usize,
+        /// What is there.
+        problem: String,
+        /// What would be right.
+        right: String,
+    },
+}
+
+/// The whole text of a file: anything beyond ASCII (names in comments) becomes one '?', so that columns
+/// can be counted in bytes.
+pub(crate) fn read_text(format: &'static str, path: &Path) -> Result<String, ReadError> {
+    let io = |source| ReadError::Io { format, path: path.to_owned(), source };
+    let bytes = std::fs::read(path).map_err(io)?;
+    if is_compressed(&bytes) {
+        return Err(compressed(format, &path.display().to_string()));
+    }
+    Ok(ascii(&String::from_utf8_lossy(&bytes)))
+}
+
+/// The text with each character beyond ASCII as one '?'.
+pub(crate) fn ascii(text: &str) -> String {
+    text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect()
+}
+
+/// Whether a file starts as those of gzip and compress do.
+pub(crate) fn is_compressed(head: &[u8]) -> bool {
+    head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x1F, 0x9D])
+}
+
+/// The complaint about such a file.
+pub(crate) fn compressed(format: &'static str, file: &str) -> ReadError {
+    let line = Line { format, file, number: 1, text: "" };
+    line.malformed("the file is compressed", "unpack it with gzip -d first")
+}
+
+/// A line and its place for error messages.
+#[derive(Clone, Copy)]
+pub(crate) struct Line<'a> {
+    pub format: &'static str,
+    pub file: &'a str,
+    /// From 1.
+    pub number: usize,
+    pub text: &'a str,
+}
+
+impl<'a> Line<'a> {
+    pub fn malformed(&self, problem: impl Into<String>, right: impl Into<String>) -> ReadError {
+        ReadError::Malformed {
+            format: self.format,
+            file: self.file.to_owned(),
+            line: self.number,
+            problem: problem.into(),
+            right: right.into(),
+        }
+    }
+
+    /// The text of `width` columns from `start` (from 0), without blanks around it.
+    pub fn columns(&self, start: usize, width: usize) -> &'a str {
+        let text = self.text;
+        text.get(start.min(text.len())..(start + width).min(text.len())).unwrap_or("").trim()
+    }
+
+    /// A real number in fixed columns (Fortran's D exponent or E), none when they are blank.
+    pub fn real(&self, start: usize, width: usize) -> Result<Option<f64>, ReadError> {
+        let text = self.columns(start, width);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let value: Option<f64> = match text.parse() {
+            Ok(value) => Some(value),
+            Err(_) => text.replace(['D', 'd'], "e").parse().ok(),
+        };
+        value.filter(|v| v.is_finite()).map(Some).ok_or_else(|| {
+            self.malformed(
+                format!("'{text}' in columns {} to {} is no number", start + 1, start + width),
+                "a number such as 0.469126738608D-03 stands there",
+            )
+        })
+    }
+
+    pub fn integer<T: std::str::FromStr>(
+        &self,
+        start: usize,
+        width: usize,
+    ) -> Result<T, ReadError> {
+        let text = self.columns(start, width);
+        text.parse().map_err(|_| {
+            let (first, last) = (start + 1, start + width);
+            let problem = format!("'{text}' in columns {first} to {last} is no whole number");
+            self.malformed(problem, "digits stand there")
+        })
+    }
+
+    /// Calendar date and time at column `start`, of a year of 2 or 4 digits and seconds in `seconds_width`
+    /// columns.
+    pub fn epoch(
+        &self,
+        start: usize,
+        year_digits: usize,
+        seconds_width: usize,
+    ) -> Result<GpsTime, ReadError> {
+        let mut year: i32 = self.integer(start, year_digits)?;
+        if year_digits == 2 {
+            year += if year < 80 { 2000 } else { 1900 };
+        }
+        let rest = start + year_digits;
+        let two = |k: usize| self.integer::<u32>(rest + 3 * k, 3);
+        let (month, day, hour, minute) = (two(0)?, two(1)?, two(2)?, two(3)?);
+        let second = self.real(rest + 12, seconds_width)?.unwrap_or(f64::NAN);
+        let possible = (1980..2200).contains(&year)
+            && (1..=12).contains(&month)
+            && (1..=31).contains(&day)
+            && hour <= 24
+            && minute <= 60
+            && (0.0..=60.0).contains(&second);
+        if !possible {
+            let text = self.columns(start, year_digits + 12 + seconds_width);
+            return Err(self.malformed(
+                format!("'{text}' is no date"),
+                "year, month, day, hour, minute and second stand there",
+            ));
+        }
+        Ok(GpsTime::from_calendar(year, month, day, hour, minute, second))
+    }
+}

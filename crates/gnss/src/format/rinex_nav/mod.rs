@@ -1,0 +1,195 @@
+//! Reader of RINEX navigation files: versions 2.10 to 2.12, 3.0x and 4.0x, GPS and QZSS LNAV.
+//!
+//! Sources: RINEX 2.11 table A3-A4, 3.05 tables A5-A6 and A13, 4.01 sections 5.2 to 5.4. Records of
+//! other systems and message types are skipped and counted. Read as tolerantly as files in the wild
+//! need (D exponents, labels in any case, CRLF, blank optional fields, a last line left out), and never
+//! with a guess: what is wrong comes back with file, line and what would be right.
+
+mod header;
+mod lines;
+pub(super) mod write;
+
+pub use write::write;
+
+use crate::atmosphere::Klobuchar;
+use crate::format::records::{ReadError, ascii, read_text};
+use crate::navigation_data::UtcParameters;
+use crate::orbit::broadcast::ura_index;
+use crate::time::SECONDS_PER_WEEK;
+use crate::{Ephemeris, NavigationData, Sv};
+use header::{Header, utc_parameters};
+use lines::Lines;
+use std::path::Path;
+
+/// What a navigation file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NavigationFile {
+    /// The format's version, such as 3.04.
+    pub version: f64,
+    /// Ephemerides of GPS and QZSS, ionosphere and UTC.
+    pub data: NavigationData,
+    /// Records of other systems and messages that were skipped.
+    pub skipped: usize,
+}
+
+/// Reads a RINEX navigation file.
+///
+/// # Errors
+/// When the file cannot be read, is compressed, is no navigation file or has a malformed record.
+pub fn read(path: impl AsRef<Path>) -> Result<NavigationData, ReadError> {
+    let path = path.as_ref();
+    Ok(parse(&read_text("RINEX", path)?, &path.display().to_string())?.data)
+}
+
+/// Parses the text of a RINEX navigation file; `name` stands in error messages.
+///
+/// # Errors
+/// When the text is no RINEX navigation file or a record is malformed.
+pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
+    let ascii = ascii(text);
+    let lines = Lines { file: name, lines: ascii.lines().map(str::trim_end).collect() };
+    let (header, mut at) = Header::read(&lines)?;
+    let mut file =
+        NavigationFile { version: header.version, data: NavigationData::default(), skipped: 0 };
+    file.data.ionosphere =
+        header.alpha.zip(header.beta).map(|(a, b)| Klobuchar { alpha: a, beta: b });
+    let mut utc = header.utc;
+    while at < lines.lines.len() {
+        if lines.lines[at].is_empty() {
+            at += 1;
+            continue;
+        }
+        let frame = if header.version >= 4.0 { Some(lines.frame(at)?) } else { None };
+        let first = at + usize::from(frame.is_some());
+        let end = lines.record_end(first, header.version);
+        match frame.as_ref().map(|f| (f.kind, f.message)) {
+            None | Some(("EPH", "LNAV")) => match header.satellite(&lines, first)? {
+                Some(sv) => file.data.insert(ephemeris(&lines, first..end, sv, &header)?),
+                None => file.skipped += 1,
+            },
+            Some(("ION", "LNAV")) => {
+                file.data.ionosphere = Some(ionosphere(&lines, first)?);
+            }
+            Some(("STO", "LNAV")) if lines.columns(first, 24, 4) == "GPUT" => {
+                utc = Some(time_offset(&lines, first)?);
+            }
+            Some(_) => file.skipped += 1,
+        }
+        at = end.max(at + 1);
+    }
+    file.data.utc = utc.map(|utc| header.with_leap_seconds(utc));
+    Ok(file)
+}
+
+/// An LNAV record (RINEX 2.11 table A4, 3.05 table A6): up to eight lines of four fields.
+fn ephemeris(
+    lines: &Lines,
+    range: std::ops::Range<usize>,
+    sv: Sv,
+    header: &Header,
+) -> Result<Ephemeris, ReadError> {
+    let first = range.start;
+    let (toc, column) = if header.version < 3.0 {
+        (lines.epoch(first, 3, 2)?, 3)
+    } else {
+        (lines.epoch(first, 4, 4)?, 4)
+    };
+    let field = |k: usize| -> Result<Option<f64>, ReadError> {
+        let (row, slot) = (k / 4, k % 4);
+        if first + row >= range.end {
+            Ok(None)
+        } else {
+            lines.real(first + row, column + 19 * slot, 19)
+        }
+    };
+    let within = |k: usize, name: &str, min: f64, max: f64| -> Result<f64, ReadError> {
+        let at = (first + k / 4).min(range.end - 1);
+        let value = field(k)?;
+        value.filter(|v| (min..=max).contains(v)).ok_or_else(|| {
+            let problem = match value {
+                Some(v) => format!("{name} of {sv} is {v:e}"),
+                None if first + k / 4 >= range.end => {
+                    format!("the record of {sv} ends after {} lines, before {name}", range.len())
+                }
+                None => format!("{name} of {sv} is blank"),
+            };
+            lines.malformed(at, problem, format!("it lies in {min:e} to {max:e}"))
+        })
+    };
+    let any = |k: usize, name: &str| within(k, name, -1e9, 1e9);
+    let toe = toc.nearest_with_tow(within(12, "toe", 0.0, SECONDS_PER_WEEK as f64)?);
+    if let Some(week) = field(22)? {
+        // The week goes with toe, or with the transmission at most a fit interval away.
+        let off = (week as i64 - i64::from(toe.week())).rem_euclid(1024);
+        if !matches!(off, 0 | 1 | 1023) {
+            let problem =
+                format!("week {week} of {sv} does not go with its epoch, in week {}", toc.week());
+            return Err(lines.malformed(first + 5, problem, "both are of the same week"));
+        }
+    }
+    let fit = field(29)?.unwrap_or(0.0);
+    let sent = field(28)?.filter(|tow| tow.abs() <= 2.0 * SECONDS_PER_WEEK as f64);
+    Ok(Ephemeris {
+        sv,
+        iodc: within(27, "IODC", 0.0, 1023.0)? as u16,
+        iode: within(4, "IODE", 0.0, 255.0)? as u8,
+        ura_index: field(24)?.map_or(15, ura_index),
+        health: within(25, "health", 0.0, 63.0)? as u8,
+        l2_codes: field(21)?.map_or(0, |v| v.clamp(0.0, 3.0) as u8),
+        l2_p_data: field(23)?.is_some_and(|v| v != 0.0),
+        // Hours, or as older writers and QZSS have it the flag itself.
+        fit_interval_flag: fit == 1.0 || fit > 4.0,
+        toc,
+        toe,
+        transmission_time: sent.map(|tow| toe.nearest_with_tow(tow)),
+        af0: any(1, "af0")?,
+        af1: any(2, "af1")?,
+        af2: any(3, "af2")?,
+        tgd: any(26, "TGD")?,
+        sqrt_a: within(11, "sqrt(A)", 2000.0, 8192.0)?,
+        e: within(9, "e", 0.0, 0.5)?,
+        m0: any(7, "M0")?,
+        delta_n: any(6, "Delta n")?,
+        omega0: any(14, "OMEGA0")?,
+        omega_dot: any(19, "OMEGA DOT")?,
+        i0: any(16, "i0")?,
+        idot: any(20, "IDOT")?,
+        omega: any(18, "omega")?,
+        cuc: any(8, "Cuc")?,
+        cus: any(10, "Cus")?,
+        crc: any(17, "Crc")?,
+        crs: any(5, "Crs")?,
+        cic: any(13, "Cic")?,
+        cis: any(15, "Cis")?,
+    })
+}
+
+/// A version 4 `ION` record of LNAV: alpha 0-2; alpha 3, beta 0-2; beta 3.
+fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, ReadError> {
+    let field = |k: usize| -> Result<f64, ReadError> {
+        let at = first + k / 4;
+        lines.real(at, 4 + 19 * (k % 4), 19)?.ok_or_else(|| {
+            lines.malformed(
+                at.min(lines.lines.len() - 1),
+                "a Klobuchar coefficient is missing",
+                "eight follow the epoch",
+            )
+        })
+    };
+    Ok(Klobuchar {
+        alpha: [field(1)?, field(2)?, field(3)?, field(4)?],
+        beta: [field(5)?, field(6)?, field(7)?, field(8)?],
+    })
+}
+
+/// A version 4 `STO` record of GPS minus UTC: epoch and `GPUT`; time sent, A0, A1.
+fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, ReadError> {
+    let field = |slot: usize| lines.real(first + 1, 4 + 19 * slot, 19);
+    match (field(1)?, field(2)?) {
+        (Some(a0), Some(a1)) => Ok(utc_parameters(a0, a1, lines.epoch(first, 4, 4)?)),
+        _ => Err(lines.malformed(first, "A0 or A1 is missing", "both follow on the next line")),
+    }
+}
+
+#[cfg(test)]
+mod tests;

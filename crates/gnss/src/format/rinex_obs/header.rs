@@ -1,0 +1,221 @@
+//! The header of a RINEX observation file, and where a satellite's signals stand in its records.
+
+use super::Source;
+use crate::format::records::Line;
+use crate::{Constellation, GpsTime, ReadError, Sv};
+use nalgebra::Vector3;
+use std::io::BufRead;
+
+/// What the header of an observation file says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObservationHeader {
+    /// The format's version, such as 3.04.
+    pub version: f64,
+    /// Name of the station, empty if none is given.
+    pub marker: String,
+    /// Approximate position of the marker, m, ECEF, where one is given (not zeros).
+    pub approximate_position_m: Option<Vector3<f64>>,
+    /// Antenna above (up), east and north of the marker, m.
+    pub antenna_uen_m: Vector3<f64>,
+    /// Time between epochs, s, where it is given.
+    pub interval_s: Option<f64>,
+}
+
+/// Fields of a satellite's record, by their place in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Fields {
+    /// Number of fields of a record.
+    pub count: usize,
+    /// Codes, the preferred first.
+    pub code: Vec<usize>,
+    pub phase: Option<usize>,
+    pub doppler: Option<usize>,
+    pub strength: Option<usize>,
+}
+
+/// Where the signals stand, and what times mean.
+#[derive(Clone, Debug)]
+pub(super) struct Signals {
+    pub version: f64,
+    /// System of satellites without a letter (version 2).
+    pub system: char,
+    /// Of version 2, one for all systems; else by system letter.
+    names: Vec<(char, usize, Vec<String>)>,
+    pub gps: Fields,
+    pub qzss: Fields,
+    time_system: TimeSystem,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum TimeSystem {
+    Gps,
+    Utc,
+    BeiDou,
+}
+
+/// Reads up to END OF HEADER.
+pub(super) fn read<R: BufRead>(
+    source: &mut Source<R>,
+) -> Result<(ObservationHeader, Signals), ReadError> {
+    let started = source.advance()?;
+    let first = source.line();
+    if first.columns(60, 20).eq_ignore_ascii_case("CRINEX VERS   / TYPE") {
+        let right = "unpack it with crx2rnx first";
+        return Err(first.malformed("the file is in compact RINEX", right));
+    }
+    if !started || !first.columns(60, 20).eq_ignore_ascii_case("RINEX VERSION / TYPE") {
+        let right = "a RINEX file starts with a line that ends in 'RINEX VERSION / TYPE'";
+        return Err(first.malformed("this is no RINEX file", right));
+    }
+    let version = first.real(0, 9)?.unwrap_or(0.0);
+    if !(2.0..5.0).contains(&version) {
+        let problem = format!("version {version} is not known");
+        return Err(first.malformed(problem, "versions 2.10 to 4.99 are read"));
+    }
+    let kind = first.columns(20, 20);
+    if !kind.starts_with(['O', 'o']) {
+        let problem = format!("the file holds '{kind}'");
+        return Err(first.malformed(problem, "an observation file says O in column 21"));
+    }
+    let system = first.columns(40, 1).chars().next().unwrap_or('G').to_ascii_uppercase();
+    let mut header = ObservationHeader { version, ..ObservationHeader::default() };
+    let mut signals = Signals {
+        version,
+        system: if system == 'M' { 'G' } else { system },
+        names: Vec::new(),
+        gps: Fields::default(),
+        qzss: Fields::default(),
+        time_system: if system == 'R' { TimeSystem::Utc } else { TimeSystem::Gps },
+    };
+    loop {
+        if !source.advance()? {
+            let right = "it ends with 'END OF HEADER'";
+            return Err(source.line().malformed("the header does not end", right));
+        }
+        let line = source.line();
+        match line.columns(60, 20).to_ascii_uppercase().as_str() {
+            "END OF HEADER" => break,
+            "MARKER NAME" => header.marker = line.columns(0, 60).to_owned(),
+            "APPROX POSITION XYZ" => {
+                let position = three(&line)?;
+                header.approximate_position_m = Some(position).filter(|p| p.norm() > 1.0);
+            }
+            "ANTENNA: DELTA H/E/N" => header.antenna_uen_m = three(&line)?,
+            "INTERVAL" => header.interval_s = line.real(0, 10)?.filter(|s| *s > 0.0),
+            _ => signals.take(&line)?,
+        }
+    }
+    signals.resolve();
+    if signals.names.is_empty() {
+        let right = "'# / TYPES OF OBSERV' (version 2) or 'SYS / # / OBS TYPES' lists them";
+        return Err(source.line().malformed("the header names no types of observations", right));
+    }
+    Ok((header, signals))
+}
+
+/// Three numbers of 14 columns, blanks as zeros.
+fn three(line: &Line) -> Result<Vector3<f64>, ReadError> {
+    let number = |k: usize| Ok(line.real(14 * k, 14)?.unwrap_or(0.0));
+    Ok(Vector3::new(number(0)?, number(1)?, number(2)?))
+}
+
+impl Signals {
+    /// Takes a header line that says where observations stand or what times mean, if it does; such lines
+    /// come in event records too.
+    pub fn take(&mut self, line: &Line) -> Result<(), ReadError> {
+        match line.columns(60, 20).to_ascii_uppercase().as_str() {
+            "# / TYPES OF OBSERV" if self.version < 3.0 => {
+                let names = (0..9).map(|k| line.columns(10 + 6 * k, 2));
+                let count = line.columns(0, 6);
+                self.list(line, 'G', count, names.map(str::to_owned).collect())
+            }
+            "SYS / # / OBS TYPES" if self.version >= 3.0 => {
+                let letter = line.columns(0, 1).chars().next();
+                let names = (0..13).map(|k| line.columns(7 + 4 * k, 3));
+                let system = letter.or(self.names.last().map(|n| n.0)).unwrap_or(' ');
+                // A continuation has neither letter nor count.
+                let count = if letter.is_some() { line.columns(3, 3) } else { "" };
+                self.list(line, system, count, names.map(str::to_owned).collect())
+            }
+            "TIME OF FIRST OBS" => {
+                self.time_system = match line.columns(48, 3) {
+                    "GLO" | "UTC" => TimeSystem::Utc,
+                    "BDT" => TimeSystem::BeiDou,
+                    "" => self.time_system,
+                    _ => TimeSystem::Gps,
+                };
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds names of types of observations to those of a system, or starts them anew with a count.
+    fn list(
+        &mut self,
+        line: &Line,
+        system: char,
+        count: &str,
+        names: Vec<String>,
+    ) -> Result<(), ReadError> {
+        if !count.is_empty() {
+            let count = count.parse().ok().filter(|n| (1..=400).contains(n)).ok_or_else(|| {
+                let problem = format!("'{count}' is no number of types of observations");
+                line.malformed(problem, "a number from 1 to 400 stands there")
+            })?;
+            self.names.retain(|n| n.0 != system);
+            self.names.push((system, count, Vec::new()));
+        }
+        let Some((_, count, list)) = self.names.iter_mut().rfind(|n| n.0 == system) else {
+            let right = "the first line of a list has the number of its types";
+            return Err(line.malformed("a list of types goes on that was not begun", right));
+        };
+        list.extend(names.into_iter().filter(|n| !n.is_empty()));
+        list.truncate(*count);
+        Ok(())
+    }
+
+    /// Finds the fields of L1 C/A in the lists of names.
+    pub fn resolve(&mut self) {
+        let wanted: [&[&str]; 4] = if self.version < 3.0 {
+            [&["C1", "P1"], &["L1"], &["D1"], &["S1"]]
+        } else {
+            [&["C1C"], &["L1C"], &["D1C"], &["S1C"]]
+        };
+        let fields = |system: char| {
+            let place = |name: &&str| self.place(system, name);
+            Fields {
+                count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
+                code: wanted[0].iter().filter_map(place).collect(),
+                phase: wanted[1].first().and_then(place),
+                doppler: wanted[2].first().and_then(place),
+                strength: wanted[3].first().and_then(place),
+            }
+        };
+        (self.gps, self.qzss) = (fields('G'), fields(if self.version < 3.0 { 'G' } else { 'J' }));
+    }
+
+    /// The place of a type of observation in the records of a system.
+    fn place(&self, system: char, name: &str) -> Option<usize> {
+        let (.., names) = self.names.iter().find(|n| n.0 == system)?;
+        names.iter().position(|n| n.eq_ignore_ascii_case(name))
+    }
+
+    /// The same, for the records of a satellite.
+    pub fn place_of(&self, sv: Sv, name: &str) -> Option<usize> {
+        let qzss = self.version >= 3.0 && sv.constellation() == Constellation::Qzss;
+        self.place(if qzss { 'J' } else { 'G' }, name)
+    }
+
+    /// GPS time of a date as the file prints it.
+    pub fn gps_time(&self, printed: GpsTime) -> GpsTime {
+        match self.time_system {
+            TimeSystem::Gps => printed,
+            TimeSystem::Utc => {
+                let (year, month, day, hour, minute, second) = printed.calendar();
+                GpsTime::from_utc(year, month, day, hour, minute, second)
+            }
+            TimeSystem::BeiDou => printed + 14.0,
+        }
+    }
+}

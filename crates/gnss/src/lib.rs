@@ -1,0 +1,82 @@
+//! What GNSS satellites send and where they are: constants, time, coordinates, satellites, codes, messages,
+//! orbits, observations, antennas, and the files of the field.
+//!
+//! Everything here is a plain value or a pure function of plain values; nothing knows of samples or receivers.
+
+pub mod antenna;
+pub mod atmosphere;
+pub mod checked;
+pub mod coordinates;
+pub mod format;
+pub mod message;
+pub mod navigation_data;
+pub mod observation;
+pub mod orbit;
+pub mod prn_code;
+pub mod random;
+pub mod satellite;
+pub mod time;
+
+pub use format::ReadError;
+pub use navigation_data::NavigationData;
+pub use orbit::Orbit;
+pub use orbit::broadcast::{Ephemeris, SatelliteState};
+pub use satellite::{Constellation, Sv};
+pub use time::GpsTime;
+
+/// Physical and system constants, each with unit and source.
+pub mod constants {
+    /// Speed of light in vacuum, m/s (exact, SI; IS-GPS-200N 20.3.4.3).
+    pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+    /// WGS 84 gravitational constant of the Earth for GPS users, m^3/s^2 (IS-GPS-200N table 20-IV).
+    pub const MU_EARTH: f64 = 3.986_005e14;
+    /// WGS 84 rotation rate of the Earth, rad/s (IS-GPS-200N table 20-IV).
+    pub const OMEGA_EARTH: f64 = 7.292_115_146_7e-5;
+    /// Ratio used by the GPS control segment for pi (IS-GPS-200N 20.3.3.4.3): semicircle in rad.
+    #[expect(
+        clippy::approx_constant,
+        reason = "the control segment rounds pi to 13 decimals, and so must users"
+    )]
+    pub const GPS_PI: f64 = 3.141_592_653_589_8;
+    /// Relativistic clock constant F = -2 sqrt(mu)/c^2, s/sqrt(m) (IS-GPS-200N 20.3.3.3.3.1).
+    pub const RELATIVISTIC_F: f64 = -4.442_807_633e-10;
+    /// GPS L1 carrier, Hz (IS-GPS-200N 3.3.1.1).
+    pub const L1_HZ: f64 = 1_575.42e6;
+    /// GPS L1 wavelength, m.
+    pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_HZ;
+    /// C/A chip rate, chips/s (IS-GPS-200N 3.3.2.3).
+    pub const CA_CHIP_RATE: f64 = 1.023e6;
+    /// Length of the C/A code, chips (IS-GPS-200N 3.3.2.3).
+    pub const CA_CODE_LENGTH: usize = 1023;
+    /// Period of the C/A code, s.
+    pub const CA_CODE_PERIOD: f64 = 1e-3;
+    /// Carrier cycles in one C/A chip: L1 over the chip rate (exact).
+    pub const CYCLES_PER_CHIP: f64 = 1540.0;
+    /// Mean radius of the Earth used for cold starts, m (`psi` of Morichi et al. 2026).
+    pub const EARTH_RADIUS: f64 = 6.371e6;
+    /// WGS 84 semi-major axis, m (NGA.STND.0036).
+    pub const WGS84_A: f64 = 6_378_137.0;
+    /// WGS 84 flattening (NGA.STND.0036).
+    pub const WGS84_F: f64 = 1.0 / 298.257_223_563;
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn derived_constants_agree_with_their_definitions() {
+            let f0 = 10.23e6;
+            assert_eq!(L1_HZ, 154.0 * f0);
+            assert_eq!(CA_CHIP_RATE, f0 / 10.0);
+            assert_eq!(CYCLES_PER_CHIP, L1_HZ / CA_CHIP_RATE);
+            assert_eq!(CA_CODE_PERIOD, CA_CODE_LENGTH as f64 / CA_CHIP_RATE);
+            // Printed to ten digits in IS-GPS-200N.
+            assert!(
+                (RELATIVISTIC_F + 2.0 * MU_EARTH.sqrt() / SPEED_OF_LIGHT.powi(2)).abs() < 5e-20
+            );
+            assert!((GPS_PI - std::f64::consts::PI).abs() < 5e-14);
+            // One sidereal day, 86164.1 s.
+            assert!((2.0 * std::f64::consts::PI / OMEGA_EARTH - 86_164.1).abs() < 0.05);
+        }
+    }
+}

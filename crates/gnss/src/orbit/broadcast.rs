@@ -1,0 +1,232 @@
+//! Broadcast ephemeris and what follows from it: satellite position, velocity and clock.
+
+use crate::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F};
+use crate::{GpsTime, Sv};
+use nalgebra::Vector3;
+
+/// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad
+/// (IS-GPS-200N 20.3.3.3 and 20.3.3.4; names of tables 20-I and 20-III).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ephemeris {
+    /// The satellite.
+    pub sv: Sv,
+    /// Issue of data, clock (10 bits).
+    pub iodc: u16,
+    /// Issue of data, ephemeris (8 bits).
+    pub iode: u8,
+    /// URA index, 0 to 15.
+    pub ura_index: u8,
+    /// Six-bit health word; 0 is healthy.
+    pub health: u8,
+    /// Codes on the L2 channel.
+    pub l2_codes: u8,
+    /// Whether the L2 P-code carries no navigation data.
+    pub l2_p_data: bool,
+    /// Whether the curve-fit interval is longer than 4 hours.
+    pub fit_interval_flag: bool,
+    /// Clock reference time `t_oc`.
+    pub toc: GpsTime,
+    /// Ephemeris reference time `t_oe`.
+    pub toe: GpsTime,
+    /// When the message was sent (start of the frame), if known.
+    pub transmission_time: Option<GpsTime>,
+    /// Clock bias `a_f0`, s.
+    pub af0: f64,
+    /// Clock drift `a_f1`, s/s.
+    pub af1: f64,
+    /// Clock drift rate `a_f2`, s/s^2.
+    pub af2: f64,
+    /// Group delay of L1 C/A against the clock's reference, s.
+    pub tgd: f64,
+    /// Square root of the semi-major axis, sqrt(m).
+    pub sqrt_a: f64,
+    /// Eccentricity.
+    pub e: f64,
+    /// Mean anomaly at `t_oe`, rad.
+    pub m0: f64,
+    /// Mean motion difference, rad/s.
+    pub delta_n: f64,
+    /// Longitude of the ascending node at the start of the week, rad.
+    pub omega0: f64,
+    /// Rate of right ascension, rad/s.
+    pub omega_dot: f64,
+    /// Inclination at `t_oe`, rad.
+    pub i0: f64,
+    /// Rate of inclination, rad/s.
+    pub idot: f64,
+    /// Argument of perigee, rad.
+    pub omega: f64,
+    /// Cosine correction to the argument of latitude, rad.
+    pub cuc: f64,
+    /// Sine correction to the argument of latitude, rad.
+    pub cus: f64,
+    /// Cosine correction to the orbit radius, m.
+    pub crc: f64,
+    /// Sine correction to the orbit radius, m.
+    pub crs: f64,
+    /// Cosine correction to the inclination, rad.
+    pub cic: f64,
+    /// Sine correction to the inclination, rad.
+    pub cis: f64,
+}
+
+/// Where a satellite is and how its clock stands, at one instant of GPS time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SatelliteState {
+    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see [`Propagation`](super::orbit::Propagation)).
+    pub position_m: Vector3<f64>,
+    /// Velocity, m/s, in the rotating ECEF frame.
+    pub velocity_mps: Vector3<f64>,
+    /// Satellite clock minus GPS time for an L1 C/A user, s: polynomial, relativity and -T_GD.
+    pub clock_bias_s: f64,
+    /// Rate of the satellite clock, s/s.
+    pub clock_drift_sps: f64,
+}
+
+impl Ephemeris {
+    /// Satellite state at GPS time `t` (IS-GPS-200N tables 20-IV and 20-V, equations of 20.3.3.3.3.1).
+    /// The velocity is the analytic derivative of the same formulas.
+    pub fn state(&self, t: GpsTime) -> SatelliteState {
+        let tk = t - self.toe;
+        let a = self.sqrt_a * self.sqrt_a;
+        let n = (MU_EARTH / (a * a * a)).sqrt() + self.delta_n;
+        let ek = eccentric_anomaly(self.m0 + n * tk, self.e);
+        let (sin_e, cos_e) = ek.sin_cos();
+        let ek_dot = n / (1.0 - self.e * cos_e);
+        let root = (1.0 - self.e * self.e).sqrt();
+        let phi = (root * sin_e).atan2(cos_e - self.e) + self.omega;
+        let phi_dot = root * ek_dot / (1.0 - self.e * cos_e);
+
+        let (s2, c2) = (2.0 * phi).sin_cos();
+        let u = phi + self.cus * s2 + self.cuc * c2;
+        let r = a * (1.0 - self.e * cos_e) + self.crs * s2 + self.crc * c2;
+        let i = self.i0 + self.idot * tk + self.cis * s2 + self.cic * c2;
+        let u_dot = phi_dot * (1.0 + 2.0 * (self.cus * c2 - self.cuc * s2));
+        let r_dot = a * self.e * sin_e * ek_dot + 2.0 * phi_dot * (self.crs * c2 - self.crc * s2);
+        let i_dot = self.idot + 2.0 * phi_dot * (self.cis * c2 - self.cic * s2);
+
+        let (sin_u, cos_u) = u.sin_cos();
+        let (x, y) = (r * cos_u, r * sin_u);
+        let (x_dot, y_dot) = (r_dot * cos_u - y * u_dot, r_dot * sin_u + x * u_dot);
+        let node_rate = self.omega_dot - OMEGA_EARTH;
+        let node = self.omega0 + node_rate * tk - OMEGA_EARTH * self.toe.tow();
+        let (sin_o, cos_o) = node.sin_cos();
+        let (sin_i, cos_i) = i.sin_cos();
+        let position_m =
+            Vector3::new(x * cos_o - y * cos_i * sin_o, x * sin_o + y * cos_i * cos_o, y * sin_i);
+        let z_dot = y_dot * cos_i - y * sin_i * i_dot;
+        let velocity_mps = Vector3::new(
+            x_dot * cos_o - z_dot * sin_o - node_rate * position_m.y,
+            x_dot * sin_o + z_dot * cos_o + node_rate * position_m.x,
+            y_dot * sin_i + y * cos_i * i_dot,
+        );
+
+        let tc = t - self.toc;
+        let relativity = RELATIVISTIC_F * self.e * self.sqrt_a;
+        SatelliteState {
+            position_m,
+            velocity_mps,
+            clock_bias_s: self.af0 + tc * (self.af1 + tc * self.af2) + relativity * sin_e
+                - self.tgd,
+            clock_drift_sps: self.af1 + 2.0 * tc * self.af2 + relativity * cos_e * ek_dot,
+        }
+    }
+
+    /// Half the curve-fit interval, s: how far from `t_oe` the ephemeris may be used.
+    pub fn half_fit_interval(&self) -> f64 {
+        if self.fit_interval_flag { 3.0 * 3600.0 } else { 2.0 * 3600.0 }
+    }
+}
+
+/// Solves Kepler's equation M = E - e sin E by Newton's method, to the last bit in at most 10 steps
+/// for e < 0.5.
+fn eccentric_anomaly(mean_anomaly: f64, e: f64) -> f64 {
+    let mut ek = mean_anomaly;
+    for _ in 0..10 {
+        let step = (mean_anomaly - ek + e * ek.sin()) / (1.0 - e * ek.cos());
+        ek += step;
+        if step.abs() < 1e-15 {
+            break;
+        }
+    }
+    ek
+}
+
+/// Upper bounds of user range accuracy of index 0 to 14, m (IS-GPS-200N 20.3.3.3.1.3).
+const URA_BOUNDS: [f64; 15] = [
+    2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0,
+    6144.0,
+];
+
+/// User range accuracy of an index, m: the upper bound of IS-GPS-200N 20.3.3.3.1.3 (6144 beyond 14).
+pub fn ura_metres(index: u8) -> f64 {
+    URA_BOUNDS.get(usize::from(index)).copied().unwrap_or(6144.0)
+}
+
+/// Index of a user range accuracy in m: the least whose bound is not below it, so that files which print
+/// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) read alike; 15 beyond.
+pub fn ura_index(metres: f64) -> u8 {
+    URA_BOUNDS.iter().position(|&bound| metres <= bound).unwrap_or(15) as u8
+}
+
+/// An ephemeris for examples and tests: G01 of 2022-01-01T00:00 GPST from a public IGS broadcast file.
+pub fn sample_ephemeris() -> Ephemeris {
+    let toe = GpsTime::from_week_tow(2190, 518_400.0);
+    Ephemeris {
+        sv: Sv::all_gps().next().expect("PRN 1"),
+        iodc: 39,
+        iode: 39,
+        ura_index: 0,
+        health: 0,
+        l2_codes: 1,
+        l2_p_data: false,
+        fit_interval_flag: false,
+        toc: toe,
+        toe,
+        transmission_time: None,
+        af0: 0.469126738608e-03,
+        af1: -0.100044417195e-10,
+        af2: 0.0,
+        tgd: 0.512227416039e-08,
+        sqrt_a: 0.515367499542e+04,
+        e: 0.112181392033e-01,
+        m0: -0.624294238235,
+        delta_n: 0.398838041777e-08,
+        omega0: -0.103661124009e+01,
+        omega_dot: -0.813355308085e-08,
+        i0: 0.986418769490,
+        idot: -0.377872882780e-09,
+        omega: 0.884087601569,
+        cuc: -0.736303627491e-05,
+        cus: 0.469572842121e-05,
+        crc: 0.299750000000e+03,
+        crs: -0.141125000000e+03,
+        cic: -0.316649675369e-07,
+        cis: 0.195577740669e-06,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn velocity_and_clock_drift_are_the_derivatives_of_position_and_clock() {
+        let eph = sample_ephemeris();
+        for k in -4..=4 {
+            let t = eph.toe + 1800.0 * f64::from(k);
+            let (before, at, after) = (eph.state(t - 1.0), eph.state(t), eph.state(t + 1.0));
+            let difference = (after.position_m - before.position_m) / 2.0;
+            // Truncation of the central difference: h^2/6 times the third derivative, about 1e-5 m/s.
+            assert!(
+                (difference - at.velocity_mps).norm() < 1e-4,
+                "{difference} {}",
+                at.velocity_mps
+            );
+            let drift = (after.clock_bias_s - before.clock_bias_s) / 2.0;
+            assert!((drift - at.clock_drift_sps).abs() < 1e-16);
+            // GPS orbits: 26 560 km and about 3.9 km/s inertial.
+            assert!((at.position_m.norm() / 26.56e6 - 1.0).abs() < 0.03);
+        }
+    }
+}

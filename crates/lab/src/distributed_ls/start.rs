@@ -1,0 +1,36 @@
+//! Figure 10: from where the iterations start.
+
+use super::way::{Epoch, Way};
+use sdr_rx::network::admm::{LeastSquares, Weight};
+use sdr_rx::network::scene::Scene;
+use sdr_rx::network::{Datum, NetworkError};
+
+/// Weight of agreement of all three ways; alpha is 1.
+const RHO: f64 = 0.5;
+/// How far from the truth the second start is, m.
+const OFF_M: f64 = 1.0;
+
+/// The ways to the solution of an epoch from 0, from the truth + 1 m (both with u = 0), and from the solution of
+/// the epoch before with its u.
+///
+/// # Errors
+/// [`NetworkError::Singular`] when a satellite is seen by nobody.
+pub fn ways(scene: &Scene, seed: u64, limit: usize) -> Result<[Way; 3], NetworkError> {
+    let datum = Datum::Observed;
+    let epoch = Epoch::new(scene, 1, datum, seed)?;
+    let before = Epoch::new(scene, 0, datum, seed + 1000)?;
+    let weight = Weight::Scalar(RHO);
+    let mut cold = epoch.admm(&weight, 1.0)?;
+
+    let mut near = epoch.admm(&weight, 1.0)?;
+    let start = scene.truth(datum).add_scalar(OFF_M);
+    near.iter_mut().for_each(|node| node.start_from(start.as_slice()));
+
+    let mut warm = before.admm(&weight, 1.0)?;
+    before.way(&mut warm, limit);
+    for (id, node) in warm.iter_mut().enumerate() {
+        let constraints = epoch.constraints.hubs_of(id).len();
+        node.problem = LeastSquares::new(epoch.normals[id].clone(), &weight, constraints)?;
+    }
+    Ok([&mut cold, &mut near, &mut warm].map(|nodes| epoch.way(nodes, limit)))
+}

@@ -1,0 +1,209 @@
+//! Why no position was found.
+
+use super::solver::outcome::Failure;
+use sdr_rx_gnss::orbit::NoOrbit;
+use sdr_rx_gnss::{GpsTime, Sv};
+use std::fmt;
+
+/// Why an observation was not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DropReason {
+    /// Its range or standard deviation is not a positive finite number.
+    NotANumber,
+    /// It is a full pseudorange where a code phase is wanted, or the other way round.
+    WrongKindOfRange,
+    /// The satellite was observed twice.
+    Duplicate,
+    /// No ephemeris of the satellite is known.
+    NoEphemeris,
+    /// The nearest ephemeris is this many hours from the time of reception.
+    Stale(f64),
+    /// The satellite declares itself unhealthy, with this health word.
+    Unhealthy(u8),
+    /// The satellite is below the elevation mask, at this elevation in rad.
+    BelowMask(f64),
+}
+
+impl fmt::Display for DropReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotANumber => write!(f, "its measurement is not a number"),
+            Self::WrongKindOfRange => write!(f, "its range is of the wrong kind"),
+            Self::Duplicate => write!(f, "observed twice"),
+            Self::NoEphemeris => write!(f, "no ephemeris"),
+            Self::Stale(hours) => write!(f, "ephemeris {hours:.1} h away"),
+            Self::Unhealthy(health) => write!(f, "unhealthy (health word {health})"),
+            Self::BelowMask(elevation) => {
+                write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
+            }
+        }
+    }
+}
+
+impl From<NoOrbit> for DropReason {
+    fn from(why: NoOrbit) -> Self {
+        match why {
+            NoOrbit::Unknown => Self::NoEphemeris,
+            NoOrbit::Stale(hours) => Self::Stale(hours),
+            NoOrbit::Unhealthy(word) => Self::Unhealthy(word),
+        }
+    }
+}
+
+/// An observation that was not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dropped {
+    /// The satellite.
+    pub sv: Sv,
+    /// Why.
+    pub reason: DropReason,
+}
+
+/// Why no position was found.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PositioningError {
+    /// Fewer satellites than unknowns are left.
+    #[error("{usable} usable satellites, a position needs {needed}{}", list(dropped))]
+    TooFewSatellites {
+        /// Satellites that could be used.
+        usable: usize,
+        /// Satellites needed.
+        needed: usize,
+        /// The others, with reasons.
+        dropped: Vec<Dropped>,
+    },
+    /// Ephemerides are known, but not for this time.
+    #[error(
+        "the ephemerides are {hours:.1} hours from the given time ({time}, {}): give the navigation file of that time, or correct the time",
+        time.utc_iso()
+    )]
+    StaleEphemerides {
+        /// Distance of the nearest ephemeris of an observed satellite, h.
+        hours: f64,
+        /// Time of reception.
+        time: GpsTime,
+    },
+    /// The iteration from the Earth's centre failed.
+    #[error("no position from the Earth's centre with {satellites} satellites: {cause}")]
+    Diverged {
+        /// Satellites used.
+        satellites: usize,
+        /// How it failed.
+        cause: Failure,
+    },
+    /// The satellites do not determine the position well enough.
+    #[error(
+        "the {satellites} satellites lie badly: {name} {value:.0}, at most {limit:.0} gives a position worth printing"
+    )]
+    DegenerateGeometry {
+        /// Satellites used.
+        satellites: usize,
+        /// What measures the geometry.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Largest value that is accepted.
+        limit: f64,
+    },
+    /// The solution is not near the Earth's surface.
+    #[error(
+        "the solution lies {:.0} km from the Earth's centre, not near its surface: a satellite or the time is wrong",
+        radius_m / 1e3
+    )]
+    ImplausibleRadius {
+        /// Distance from the Earth's centre, m.
+        radius_m: f64,
+    },
+    /// The residuals are too large, and too few satellites remain to tell which is faulty.
+    #[error(
+        "the {satellites} satellites contradict each other: weighted square residuals {cost:.3e}, at most {threshold:.1} was expected{}",
+        suspect.map_or(String::new(), |sv| format!("; most at odds is {sv}"))
+    )]
+    Inconsistent {
+        /// Satellites used.
+        satellites: usize,
+        /// Weighted sum of squared residuals.
+        cost: f64,
+        /// The limit that it exceeds.
+        threshold: f64,
+        /// Satellite with the largest weighted residual.
+        suspect: Option<Sv>,
+    },
+    /// No place explains what a snapshot measured.
+    #[error(
+        "no place on Earth explains the {what} of {satellites} satellites at {} +- {uncertainty_s:.0} s: the time is further off, the navigation file is of another date, or satellites were acquired falsely",
+        time.utc_iso()
+    )]
+    Unexplained {
+        /// The measurements: Dopplers or code phases.
+        what: &'static str,
+        /// Satellites used.
+        satellites: usize,
+        /// Given time of reception.
+        time: GpsTime,
+        /// How far off it was assumed to be, s.
+        uncertainty_s: f64,
+    },
+    /// No place and time explain what a snapshot of unknown time measured.
+    #[error(
+        "no place on Earth explains the {what} of {satellites} satellites at any time from {} to {} ({:.1} h searched, {hypotheses} places and times explain the Dopplers{}): the time lies outside, the navigation data are of another date, or satellites were acquired falsely",
+        from.utc_iso(), to.utc_iso(), searched_s / 3600.0, left_out(*left_out_s)
+    )]
+    TimeNotFound {
+        /// The measurements: Dopplers or code phases.
+        what: &'static str,
+        /// Satellites used.
+        satellites: usize,
+        /// Beginning of what was searched.
+        from: GpsTime,
+        /// Its end.
+        to: GpsTime,
+        /// Time with ephemerides in force between these, s.
+        searched_s: f64,
+        /// Time of the given window without ephemerides, which was not searched, s.
+        left_out_s: f64,
+        /// Places and times that explain the Dopplers.
+        hypotheses: usize,
+    },
+    /// Several places explain the code phases of a snapshot.
+    #[error(
+        "two places {:.1} km and {apart_s:.0} s apart explain the {satellites} code phases equally well: more satellites, a longer capture or a better known time decide",
+        distance_m / 1e3
+    )]
+    Ambiguous {
+        /// Satellites used.
+        satellites: usize,
+        /// Distance between the two best places, m.
+        distance_m: f64,
+        /// Time between them, s.
+        apart_s: f64,
+    },
+    /// A place and time explain the measurements, but so might false ones by chance.
+    #[error(
+        "the best of {hypotheses} places and times in {:.1} h explains the {satellites} code phases, but {expected:.1e} false ones that do so are to be expected: more satellites, a longer capture or a better known time would prove it",
+        searched_s / 3600.0
+    )]
+    Unproved {
+        /// Satellites used.
+        satellites: usize,
+        /// Time searched, s.
+        searched_s: f64,
+        /// Places and times that explain the Dopplers.
+        hypotheses: usize,
+        /// Expected number of false solutions.
+        expected: f64,
+    },
+}
+
+fn left_out(seconds: f64) -> String {
+    if (60.0..1e8).contains(&seconds) {
+        format!("; {:.1} h of the window have no ephemerides in force", seconds / 3600.0)
+    } else {
+        String::new()
+    }
+}
+
+fn list(dropped: &[Dropped]) -> String {
+    let items: Vec<String> = dropped.iter().map(|d| format!("{} {}", d.sv, d.reason)).collect();
+    if items.is_empty() { String::new() } else { format!(" (not used: {})", items.join(", ")) }
+}

@@ -1,0 +1,87 @@
+//! The result: a position with everything a person needs to trust it.
+
+use nalgebra::{Matrix4, Vector3};
+use sdr_rx_gnss::{GpsTime, Sv};
+
+/// How the observations came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FixMethod {
+    /// Full pseudoranges of tracked satellites.
+    Tracking,
+    /// Code phases of a snapshot, with coarse time.
+    Snapshot,
+    /// Dopplers alone, of a receiver at rest.
+    Doppler,
+    /// Full pseudoranges and Dopplers together, of a receiver at rest.
+    Combined,
+}
+
+/// What a satellite contributed to a fix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The satellite.
+    pub sv: Sv,
+    /// Observed minus computed code range, m; NaN where none was used.
+    pub range_m: f64,
+    /// Observed minus computed Doppler, Hz; NaN where none was measured.
+    pub doppler_hz: f64,
+    /// Azimuth, rad from north over east.
+    pub azimuth: f64,
+    /// Elevation, rad.
+    pub elevation: f64,
+}
+
+/// How the time of a snapshot was found, where it was not known beforehand.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TimeSearch {
+    /// Time that was searched, s: that with ephemerides in force.
+    pub searched_s: f64,
+    /// Time of the given window that was not, for lack of ephemerides, s; infinite for a window without
+    /// end.
+    pub left_out_s: f64,
+    /// Places and times that explained the Dopplers.
+    pub hypotheses: usize,
+    /// Bound on the expected number of false solutions that explain the measurements as well as this one.
+    pub false_expected: f64,
+}
+
+/// A position solution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fix {
+    /// GPS time of reception (corrected by the clock bias).
+    pub time: GpsTime,
+    /// Index of the sample that the fix refers to, counted from the start of the stream.
+    pub sample: f64,
+    /// Position, m, ECEF.
+    pub position_m: Vector3<f64>,
+    /// Velocity, m/s, ECEF, if Dopplers gave it.
+    pub velocity_mps: Option<Vector3<f64>>,
+    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time); NaN where
+    /// Dopplers alone were used.
+    pub clock_bias_s: f64,
+    /// Rate of the receiver clock, s/s.
+    pub clock_drift_sps: Option<f64>,
+    /// Covariance of position (east, north, up) and c x clock bias (NaN where that is), m^2.
+    pub covariance: Matrix4<f64>,
+    /// Position dilution of precision of ranges: sqrt of the trace of the position part of (H^T H)^-1.
+    pub pdop: f64,
+    /// Horizontal dilution of precision.
+    pub hdop: f64,
+    /// Vertical dilution of precision.
+    pub vdop: f64,
+    /// Satellites used, in the order of [`Sv`], with their residuals.
+    pub residuals: Vec<Residual>,
+    /// Satellites excluded as faulty.
+    pub excluded: Vec<Sv>,
+    /// How the observations came about.
+    pub method: FixMethod,
+    /// How the time was searched for, where it was.
+    pub time_search: Option<TimeSearch>,
+    /// Name of the solver, such as `aw-dgn-bt`.
+    pub solver: &'static str,
+    /// Other places that explain the observations as well, m, ECEF: four satellites can have two.
+    pub alternatives_m: Vec<Vector3<f64>>,
+    /// Linearisations from the Earth's centre to convergence.
+    pub iterations: usize,
+}

@@ -1,0 +1,111 @@
+//! What the user may choose.
+
+use super::robust::Robust;
+use super::solver::Solver;
+use sdr_rx_gnss::atmosphere::Troposphere;
+
+/// Options of the receiver's position solutions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositioningOptions {
+    /// Troposphere model.
+    pub troposphere: Troposphere,
+    /// Satellites below this elevation, rad, are not used.
+    pub elevation_mask: f64,
+}
+
+/// Saastamoinen's troposphere, mask 5 degrees.
+impl Default for PositioningOptions {
+    fn default() -> Self {
+        Self { troposphere: Troposphere::default(), elevation_mask: 5f64.to_radians() }
+    }
+}
+
+/// Options of the snapshot solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SnapshotOptions {
+    /// What all position solutions share.
+    pub positioning: PositioningOptions,
+    /// How far the epoch's receive time may be from GPS time, s, either way. Beyond ten minutes the time is
+    /// searched for; where it is infinite, at all times that the ephemerides cover.
+    pub time_uncertainty_s: f64,
+    /// Speed that the receiver may have, m/s: it enters the standard deviation of the Dopplers.
+    pub user_speed_mps: f64,
+}
+
+/// Time known to a minute, a receiver that stands still.
+impl Default for SnapshotOptions {
+    fn default() -> Self {
+        Self {
+            positioning: PositioningOptions::default(),
+            time_uncertainty_s: 60.0,
+            user_speed_mps: 0.0,
+        }
+    }
+}
+
+/// What a position is solved from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Observable {
+    /// Pseudoranges: position and clock bias. Dopplers then give velocity and clock drift.
+    #[default]
+    Pseudorange,
+    /// Dopplers alone: position and clock drift of a receiver at rest.
+    Doppler,
+    /// Both, weighted by their deviations: position, bias and drift of a receiver at rest.
+    Both,
+}
+
+/// What is done when the residuals of an epoch are larger than their deviations explain (chi-square test,
+/// 1e-5 of false alarm).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Exclusion {
+    /// Satellites without which the test passes are left out; if none is found, the epoch is refused.
+    #[default]
+    ChiSquare,
+    /// The epoch is refused.
+    Refuse,
+    /// Nothing: the test is not made, and whoever reads the result must judge the residuals.
+    Off,
+}
+
+/// What is known of the receiver's height, as one more observation.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Height {
+    /// Height above WGS 84, m.
+    pub height_m: f64,
+    /// Its standard deviation, m.
+    pub sigma_m: f64,
+}
+
+/// Options of positions from observations whose time is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveOptions {
+    /// What all position solutions share.
+    pub positioning: PositioningOptions,
+    /// What is solved from.
+    pub observable: Observable,
+    /// The solver that comes from the Earth's centre.
+    pub solver: Solver,
+    /// How outliers are weighted.
+    pub robust: Robust,
+    /// What is done about contradictions.
+    pub exclusion: Exclusion,
+    /// What is known of the height.
+    pub height: Option<Height>,
+}
+
+/// Pseudoranges by AW-DGN-BT, plain least squares, exclusion by the chi-square test.
+impl Default for SolveOptions {
+    fn default() -> Self {
+        Self {
+            positioning: PositioningOptions::default(),
+            observable: Observable::default(),
+            solver: Solver::Best,
+            robust: Robust::default(),
+            exclusion: Exclusion::default(),
+            height: None,
+        }
+    }
+}

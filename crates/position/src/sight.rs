@@ -1,0 +1,204 @@
+//! What a receiver at a place and time would measure of a satellite, with every correction that
+//! broadcast data allow, and how far that may be off.
+
+use super::PositioningOptions;
+use super::error::DropReason;
+use nalgebra::Vector3;
+use sdr_rx_gnss::constants::{L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
+use sdr_rx_gnss::observation::Observation;
+use sdr_rx_gnss::orbit::Propagation;
+use sdr_rx_gnss::{GpsTime, NavigationData, Orbit};
+
+/// An observation with the orbit of its satellite.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sighting<'a> {
+    pub observation: &'a Observation,
+    pub orbit: Orbit<'a>,
+    /// Pseudorange, or pseudorange modulo the code period, m.
+    pub range_m: f64,
+}
+
+/// The prediction for one satellite.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    /// Unit vector from receiver to satellite, ECEF of reception.
+    pub direction: Vector3<f64>,
+    pub azimuth: f64,
+    pub elevation: f64,
+    /// Pseudorange but for the receiver's clock, m.
+    pub range_m: f64,
+    /// Standard deviation of that prediction, m.
+    pub range_sigma_m: f64,
+    /// Rate of the geometric range for a receiver at rest, m/s (see [`Sight::range_rate`]).
+    static_rate_mps: f64,
+    /// Rate of what the atmosphere adds to the carrier's range, m/s.
+    atmosphere_rate_mps: f64,
+    /// Standard deviation of a predicted range rate, m/s.
+    pub rate_sigma_mps: f64,
+    /// 1 + u.v_s/c with the satellite's inertial velocity: reception dilates transmission.
+    dilation: f64,
+    /// Satellite clock rate, s/s.
+    clock_drift_sps: f64,
+    /// Gradient of the range rate by the receiver's position, 1/s.
+    pub rate_gradient: Vector3<f64>,
+    /// Rate of the range rate for a receiver at rest, m/s^2 (good to 0.1 %: for linearisation only).
+    pub acceleration_mps2: f64,
+}
+
+/// How well a range rate can be predicted at the zenith, m/s: satellite velocity, what the ionosphere does.
+/// Below, the atmosphere's rate may be off by all of itself: at 5 degrees that is as much again, and the
+/// signals of most simulators know no troposphere.
+const RATE_SIGMA_MPS: f64 = 0.02;
+
+impl Sight {
+    /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t`.
+    pub fn new<'a>(
+        orbit: impl Into<Orbit<'a>>,
+        receiver_m: &Vector3<f64>,
+        t: GpsTime,
+        nav: &NavigationData,
+        options: &PositioningOptions,
+    ) -> Self {
+        let orbit = orbit.into();
+        let path = Propagation::solve(orbit, receiver_m, t);
+        let satellite = &path.satellite;
+        let direction = (satellite.position_m - receiver_m) / path.range_m;
+        let (azimuth, elevation) = azimuth_elevation(receiver_m, &satellite.position_m);
+        let place = Geodetic::from_ecef(receiver_m);
+        let ionosphere_m = nav.ionosphere.map(|model| model.delay_m(place, azimuth, elevation, t));
+        let troposphere_m = options.troposphere.delay_m(place, elevation);
+
+        // The Klobuchar model removes about half of the delay (IS-GPS-200N 20.3.3.5.2.5); without
+        // it 5 m at the zenith, mapped by the model's own slant factor, are left.
+        let slant = 1.0 + 16.0 * (0.53 - elevation.max(0.0) / std::f64::consts::PI).powi(3);
+        let ionosphere_sigma = ionosphere_m.map_or(5.0 * slant, |delay| 0.5 * delay);
+        // A tenth of the troposphere covers the wet part that the standard atmosphere misses.
+        let troposphere_sigma = 0.1 * troposphere_m;
+        // Code multipath of a small antenna: 0.3 m at the zenith, a few metres at the horizon.
+        let multipath_sigma = 0.3 / elevation.max(0.05).sin();
+        let range_sigma_m =
+            [ionosphere_sigma, troposphere_sigma, orbit.range_sigma_m(), multipath_sigma]
+                .iter()
+                .map(|s| s * s)
+                .sum::<f64>()
+                .sqrt();
+
+        let omega = Vector3::new(0.0, 0.0, OMEGA_EARTH);
+        let velocity = satellite.velocity_mps;
+        let inertial_mps = velocity + omega.cross(&satellite.position_m);
+        // Two-body gravity with the Coriolis and centrifugal terms of the rotating frame.
+        let gravity = -MU_EARTH / satellite.position_m.norm().powi(3) * satellite.position_m;
+        let acceleration = gravity - omega.cross(&(velocity + inertial_mps));
+        let static_rate_mps = direction.dot(&velocity);
+        // The troposphere delays the carrier as it does the code, the ionosphere advances it.
+        let carrier_delay = |dt: f64| {
+            let later = satellite.position_m + dt * velocity;
+            let (azimuth, elevation) = azimuth_elevation(receiver_m, &later);
+            let ionosphere =
+                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, t + dt));
+            options.troposphere.delay_m(place, elevation) - ionosphere
+        };
+        let atmosphere_rate_mps = carrier_delay(0.5) - carrier_delay(-0.5);
+        Self {
+            direction,
+            azimuth,
+            elevation,
+            range_m: path.range_m - SPEED_OF_LIGHT * satellite.clock_bias_s
+                + ionosphere_m.unwrap_or(0.0)
+                + troposphere_m,
+            range_sigma_m,
+            static_rate_mps,
+            atmosphere_rate_mps,
+            rate_sigma_mps: RATE_SIGMA_MPS.hypot(atmosphere_rate_mps),
+            dilation: 1.0 + direction.dot(&inertial_mps) / SPEED_OF_LIGHT,
+            clock_drift_sps: satellite.clock_drift_sps,
+            rate_gradient: (direction * static_rate_mps - velocity) / path.range_m,
+            acceleration_mps2: direction.dot(&acceleration)
+                + (velocity.norm_squared() - static_rate_mps.powi(2)) / path.range_m,
+        }
+    }
+
+    /// Rate of the pseudorange, m/s per second of the receiver's clock, which is `-lambda D`.
+    ///
+    /// With `P = c (t_r - t_s)` on the clocks of receiver and satellite and `rho` the light path,
+    /// `d rho/dt = u.(v_s - v_r) / (1 + u.v_s/c)`: the velocities are Earth-fixed in the numerator,
+    /// as the Earth's rotation is perpendicular to the line of sight between two points that turn
+    /// with it, and inertial in the denominator. `drift_mps` is c times the rate of the receiver's
+    /// clock; satellite clock rate and both clocks' own scales count for some mm/s each, and so does the
+    /// atmosphere at the horizon (for low orbits a metre per second).
+    pub fn range_rate(&self, velocity_mps: &Vector3<f64>, drift_mps: f64) -> f64 {
+        let rate = (self.static_rate_mps - self.direction.dot(velocity_mps)) / self.dilation
+            + self.atmosphere_rate_mps;
+        let satellite_clock = self.clock_drift_sps * (SPEED_OF_LIGHT - rate);
+        (rate + drift_mps - satellite_clock) / (1.0 + drift_mps / SPEED_OF_LIGHT)
+    }
+}
+
+impl<'a> Sighting<'a> {
+    /// Pairs an observation with its satellite's orbit at about time `t`, or says why it cannot be used.
+    pub fn new(
+        observation: &'a Observation,
+        range_m: f64,
+        t: GpsTime,
+        nav: &'a NavigationData,
+    ) -> Result<Self, DropReason> {
+        let positive = |sigma: f64| sigma.is_finite() && sigma > 0.0;
+        if !range_m.is_finite() || !positive(observation.range_sigma_m) {
+            return Err(DropReason::NotANumber);
+        }
+        let orbit = nav.orbit(observation.sv, t)?;
+        Ok(Self { observation, orbit, range_m })
+    }
+
+    /// The same for its Doppler alone, which must be a number; the range is none.
+    pub fn of_doppler(
+        observation: &'a Observation,
+        t: GpsTime,
+        nav: &'a NavigationData,
+    ) -> Result<Self, DropReason> {
+        let orbit = nav.orbit(observation.sv, t)?;
+        let sighting = Self { observation, orbit, range_m: f64::NAN };
+        sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
+    }
+
+    /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
+    pub fn range_rate(&self) -> Option<(f64, f64)> {
+        let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);
+        (doppler.is_finite() && sigma.is_finite() && sigma > 0.0)
+            .then_some((-L1_WAVELENGTH * doppler, L1_WAVELENGTH * sigma))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Truth, navigation_data};
+    use super::*;
+    use sdr_rx_gnss::Ephemeris;
+    use sdr_rx_gnss::atmosphere::Troposphere;
+
+    #[test]
+    fn derivatives_of_the_rate_agree_with_differences() {
+        // Without an atmosphere, whose rate changes by a hundredth where the height changes by 800 m.
+        let mut nav = navigation_data();
+        nav.ionosphere = None;
+        let options =
+            PositioningOptions { troposphere: Troposphere::None, ..PositioningOptions::default() };
+        let truth = Truth::at_rest();
+        let rate = |ephemeris: &Ephemeris, receiver: &Vector3<f64>, t: GpsTime| {
+            Sight::new(ephemeris, receiver, t, &nav, &options).range_rate(&Vector3::zeros(), 0.0)
+        };
+        for ephemeris in nav.iter() {
+            let (r, t) = (truth.position_m, truth.time);
+            let sight = Sight::new(ephemeris, &r, t, &nav, &options);
+            let slope = (rate(ephemeris, &r, t + 1.0) - rate(ephemeris, &r, t - 1.0)) / 2.0;
+            // The perturbations left out are 1e-3 of gravity; slopes are about 0.1 m/s^2.
+            assert!((slope - sight.acceleration_mps2).abs() < 1e-3, "{slope}");
+            let step = Vector3::new(300.0, -500.0, 800.0);
+            let change = (rate(ephemeris, &(r + step), t) - rate(ephemeris, &(r - step), t)) / 2.0;
+            // 1e-5 by the dilation, step/range = 5e-5 squared by curvature.
+            let predicted = sight.rate_gradient.dot(&step);
+            assert!((change - predicted).abs() < 1e-4 * step.norm() * 2e-4, "{change} {predicted}");
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! The position from a capture too short for its navigation message.
+//!
+//! 1. Doppler AW-DGN-BT from the Earth's centre, then Dopplers with time and a soft height
+//!    ([`coarse_time`]): the region, to some 10 km.
+//! 2. Candidates every 80 km on rings around it, and every 40 s of the time that the Dopplers leave
+//!    open, each give the whole code periods against the highest satellite; every distinct set of
+//!    integers is solved jointly with the Dopplers.
+//! 3. The best must have a cost below `2 m + 4 sqrt(4 m)` for m satellites, and no other place may
+//!    come near it: a wrong integer leaves residuals of kilometres, and is refused. If no set of
+//!    integers passes, one and then two satellites are left out, as long as six remain.
+
+mod blind;
+mod coarse_time;
+mod code_phases;
+mod doppler_time;
+mod time_window;
+
+use super::error::PositioningError;
+use super::least_squares::LeastSquares;
+use super::selection::select;
+use super::sight::Sighting;
+use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
+use super::velocity::motion;
+use super::{Fix, FixMethod, Residual, SnapshotOptions};
+use blind::solve_blind;
+use coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
+use doppler_time::{from_the_centre, satellites, seeds};
+use nalgebra::{Matrix4, SVector, Vector3};
+use sdr_rx_gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::coordinates::Geodetic;
+use sdr_rx_gnss::observation::{CodeRange, ObservationEpoch};
+use sdr_rx_gnss::{NavigationData, Sv};
+use std::collections::BTreeSet;
+
+/// Unknowns of the code phases: position, bias and time.
+const NEEDED: usize = 5;
+/// With this many satellites the integers still prove themselves after a search over exclusions.
+const NEEDED_AFTER_EXCLUSION: usize = 6;
+/// Most satellites that are left out.
+const MAX_EXCLUDED: usize = 2;
+/// Spacing of candidates, m and s: half of it moves no code phase by more than a third of a period.
+const RING_M: f64 = 80e3;
+const TIME_STEP_S: f64 = 40.0;
+/// Largest standard deviation of the position that is printed, m, and the same with five satellites,
+/// whose code phases have no redundancy.
+const MAX_SIGMA_M: f64 = 300.0;
+const MAX_SIGMA_OF_FIVE_M: f64 = 150.0;
+/// The next best place must cost more than this above the best: odds of e^20.
+const DISTINCT_COST: f64 = 40.0;
+/// Places nearer than this are the same, m.
+const SAME_PLACE_M: f64 = 500.0;
+/// Beyond this uncertainty of the time, s, it is searched for.
+const SEARCHED_S: f64 = 600.0;
+
+/// Position, time and clock from code phases modulo 1 ms and Dopplers; the epoch's receive time is
+/// good to `options.time_uncertainty_s`. Where that is more than ten minutes, the time is searched for
+/// ([`Fix::time_search`] tells how): over all times that the ephemerides cover if it is infinite.
+///
+/// # Errors
+/// [`PositioningError`] names the cause: too few satellites (five are needed), stale ephemerides, no
+/// place that explains the Dopplers or the code phases, two places that do, or weak geometry.
+pub fn solve_snapshot(
+    epoch: &ObservationEpoch,
+    nav: &NavigationData,
+    options: &SnapshotOptions,
+) -> Result<Fix, PositioningError> {
+    if options.time_uncertainty_s > SEARCHED_S {
+        return solve_blind(epoch, nav, options);
+    }
+    let modulo = |range| match range {
+        CodeRange::ModuloCodePeriod(range_m) => Some(range_m),
+        CodeRange::Pseudorange(_) => None,
+    };
+    let sightings = select(epoch, nav, modulo, NEEDED)?;
+    let problem = CoarseTime { time: epoch.receive_time, nav, options };
+    let mut error = None;
+    for count in 0..=MAX_EXCLUDED {
+        if count > 0 && sightings.len() < NEEDED_AFTER_EXCLUSION + count {
+            break;
+        }
+        let mut solutions = Vec::new();
+        for excluded in choices(sightings.len(), count) {
+            let set: Vec<Sighting> = (0..sightings.len())
+                .filter(|k| !excluded.contains(k))
+                .map(|k| sightings[k])
+                .collect();
+            match search(&problem, &set) {
+                Ok(found) => solutions.push((found, set, excluded)),
+                Err(cause) => {
+                    error.get_or_insert(cause);
+                }
+            }
+        }
+        solutions.sort_by(|a, b| a.0.fix.cost.total_cmp(&b.0.fix.cost));
+        let mut solutions = solutions.into_iter();
+        let Some((best, set, excluded)) = solutions.next() else { continue };
+        if let Some((other, ..)) = solutions.find(|(s, ..)| s.contests(&best.fix)) {
+            return Err(other.ambiguous(&best.fix));
+        }
+        let excluded = excluded.iter().map(|&k| sightings[k].observation.sv).collect();
+        return finish(&problem, epoch, &set, best, excluded);
+    }
+    Err(error.unwrap_or(PositioningError::TooFewSatellites {
+        usable: sightings.len(),
+        needed: NEEDED,
+        dropped: Vec::new(),
+    }))
+}
+
+/// All ways to choose `count` (0 to 2) of `n`.
+fn choices(n: usize, count: usize) -> Vec<Vec<usize>> {
+    match count {
+        0 => vec![Vec::new()],
+        1 => (0..n).map(|k| vec![k]).collect(),
+        _ => (0..n).flat_map(|j| (j + 1..n).map(move |k| vec![j, k])).collect(),
+    }
+}
+
+/// A solution with its integers, and the iterations spent since the Earth's centre.
+#[derive(Clone)]
+struct Found {
+    fix: CoarseFix,
+    integers: Vec<i32>,
+    iterations: usize,
+}
+
+impl Found {
+    /// Whether this is another place than `best` and not much less likely.
+    fn contests(&self, best: &CoarseFix) -> bool {
+        (self.fix.position_m() - best.position_m()).norm() > SAME_PLACE_M
+            && self.fix.cost < best.cost + DISTINCT_COST
+    }
+
+    fn ambiguous(&self, best: &CoarseFix) -> PositioningError {
+        PositioningError::Ambiguous {
+            satellites: self.integers.len(),
+            distance_m: (self.fix.position_m() - best.position_m()).norm(),
+            apart_s: (self.fix.state[TIME] - best.state[TIME]).abs(),
+        }
+    }
+}
+
+/// Largest cost of `rows` rows: their mean and four standard deviations.
+fn limit(rows: usize) -> f64 {
+    let rows = rows as f64;
+    rows + 4.0 * (2.0 * rows).sqrt()
+}
+
+/// From the Earth's centre to the one set of integers that explains the code phases.
+fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningError> {
+    let (region, spent) = region(problem, set)?;
+    let mut tried = BTreeSet::new();
+    let mut solutions: Vec<Found> = Vec::new();
+    for offset in candidates(&region) {
+        let (integers, bias_m) = integers(set, &region, &offset);
+        if !tried.insert(integers.clone()) {
+            continue;
+        }
+        let mut start = region.state + offset;
+        start[BIAS] = bias_m;
+        if let Some(fix) = problem.solve(set, Some(&integers), start) {
+            let iterations = spent + fix.iterations;
+            solutions.push(Found { fix, integers, iterations });
+        }
+    }
+    solutions.sort_by(|a, b| a.fix.cost.total_cmp(&b.fix.cost));
+    let mut solutions = solutions.into_iter();
+    let cost_limit = limit(2 * set.len());
+    let best = solutions.next().filter(|best| best.fix.cost <= cost_limit);
+    let Some(best) = best else {
+        return Err(PositioningError::Unexplained {
+            what: "code phases",
+            satellites: set.len(),
+            time: problem.time,
+            uncertainty_s: problem.options.time_uncertainty_s,
+        });
+    };
+    match solutions.find(|s| s.contests(&best.fix)) {
+        Some(other) => Err(other.ambiguous(&best.fix)),
+        None => Ok(best),
+    }
+}
+
+/// Where the Dopplers put the receiver, and the iterations that took.
+fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), PositioningError> {
+    let (satellites, rates) = satellites(set, problem.time);
+    let (cold, spent) = from_the_centre(&satellites, &rates)
+        .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
+    let cost_limit = limit(rates.len());
+    std::iter::once(cold)
+        .chain(seeds(&satellites))
+        .filter_map(|seed| {
+            let mut start = State::zeros();
+            start.fixed_rows_mut::<3>(0).copy_from(&(seed.xyz().normalize() * EARTH_RADIUS));
+            start[DRIFT] = seed.w;
+            problem.solve(set, None, start)
+        })
+        .find(|fix| fix.cost <= cost_limit)
+        .map(|fix| {
+            let iterations = spent + fix.iterations;
+            (fix, iterations)
+        })
+        .ok_or(PositioningError::Unexplained {
+            what: "Dopplers",
+            satellites: set.len(),
+            time: problem.time,
+            uncertainty_s: problem.options.time_uncertainty_s,
+        })
+}
+
+/// Offsets of position and time from the region, most likely first within each time step.
+fn candidates(region: &CoarseFix) -> Vec<State> {
+    let covariance = &region.covariance;
+    let time_variance = covariance[(TIME, TIME)];
+    let per_second = covariance.fixed_view::<3, 1>(0, TIME) / time_variance;
+    let at_fixed_time =
+        covariance.fixed_view::<3, 3>(0, 0) - per_second * per_second.transpose() * time_variance;
+    let rings =
+        (3.0 * at_fixed_time.trace().max(0.0).sqrt() / RING_M).ceil().clamp(1.0, 5.0) as i32;
+    let time_steps = (2.0 * time_variance.sqrt() / TIME_STEP_S).ceil().min(6.0) as i32;
+    let to_ecef = Geodetic::from_ecef(&region.position_m()).ecef_to_enu().transpose();
+    let mut offsets = Vec::new();
+    for step in -time_steps..=time_steps {
+        let dt = f64::from(step) * TIME_STEP_S;
+        for ring in 0..=rings {
+            for k in 0..(6 * ring).max(1) {
+                let angle = std::f64::consts::TAU * f64::from(k) / f64::from((6 * ring).max(1));
+                let local = Vector3::new(angle.sin(), angle.cos(), 0.0) * RING_M * f64::from(ring);
+                let shift = to_ecef * local + per_second * dt;
+                let mut offset = State::zeros();
+                offset.fixed_rows_mut::<3>(0).copy_from(&shift);
+                offset[TIME] = dt;
+                offsets.push(offset);
+            }
+        }
+    }
+    offsets
+}
+
+/// Whole code periods of each satellite against the highest, and the bias, m, that fits that one,
+/// with ranges linearised around the region.
+fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, f64) {
+    let shift = offset.fixed_rows::<3>(0).into_owned();
+    let predicted: Vec<f64> = region
+        .sights
+        .iter()
+        .map(|s| {
+            let rate = s.range_rate(&Vector3::zeros(), 0.0);
+            s.range_m - s.direction.dot(&shift) + rate * offset[TIME]
+        })
+        .collect();
+    let elevation = |k: &usize| region.sights[*k].elevation;
+    let highest = (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
+    let bias_m = set[highest].range_m - predicted[highest];
+    let whole =
+        |(s, p): (&Sighting, &f64)| ((p + bias_m - s.range_m) / CODE_PERIOD_M).round() as i32;
+    (set.iter().zip(&predicted).map(whole).collect(), bias_m)
+}
+
+/// Applies the elevation mask and the last checks, and makes the fix.
+fn finish(
+    problem: &CoarseTime,
+    epoch: &ObservationEpoch,
+    set: &[Sighting],
+    found: Found,
+    excluded: Vec<Sv>,
+) -> Result<Fix, PositioningError> {
+    let mask = problem.options.positioning.elevation_mask;
+    let above: Vec<usize> =
+        (0..set.len()).filter(|&k| found.fix.sights[k].elevation >= mask).collect();
+    let used: Vec<Sighting> = above.iter().map(|&k| set[k]).collect();
+    let too_few = PositioningError::TooFewSatellites {
+        usable: used.len(),
+        needed: NEEDED,
+        dropped: Vec::new(),
+    };
+    if used.len() < NEEDED {
+        return Err(too_few);
+    }
+    let fix = if used.len() == set.len() {
+        found.fix
+    } else {
+        let integers: Vec<i32> = above.iter().map(|&k| found.integers[k]).collect();
+        problem.solve(&used, Some(&integers), found.fix.state).ok_or(too_few)?
+    };
+    let position_m = fix.position_m();
+    let radius_m = position_m.norm();
+    if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
+        return Err(PositioningError::ImplausibleRadius { radius_m });
+    }
+    let satellites = used.len();
+    let sigma_m = fix.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
+    let weak = |name, value, limit| PositioningError::DegenerateGeometry {
+        satellites,
+        name,
+        value,
+        limit,
+    };
+    let sigma_limit = if satellites > NEEDED { MAX_SIGMA_M } else { MAX_SIGMA_OF_FIVE_M };
+    if sigma_m > sigma_limit {
+        return Err(weak("standard deviation of the position in metres", sigma_m, sigma_limit));
+    }
+    let mut code = LeastSquares::<5>::default();
+    for sight in &fix.sights {
+        let (g, rate) = (-sight.direction, sight.range_rate(&Vector3::zeros(), 0.0));
+        code.push(&SVector::<f64, 5>::new(g.x, g.y, g.z, 1.0, rate), 0.0);
+    }
+    let cofactor =
+        code.solve().ok_or(weak("dilution of precision", f64::INFINITY, 100.0))?.cofactor();
+    let cofactor = cofactor.fixed_view::<4, 4>(0, 0).into_owned();
+    let geometry = Geometry::new(&position_m, &cofactor, satellites)?;
+
+    // Clock bias is minus tau, as a length.
+    let pick = |k: usize| if k < 3 { (k, 1.0) } else { (TIME, -SPEED_OF_LIGHT) };
+    let covariance = Matrix4::from_fn(|i, j| {
+        let ((row, a), (column, b)) = (pick(i), pick(j));
+        a * b * fix.covariance[(row, column)]
+    });
+    let motion = motion(&used, &fix.sights);
+    let (velocity, drift) =
+        motion.map_or((Vector3::zeros(), fix.state[DRIFT]), |m| (m.velocity_mps, m.drift_mps));
+    let residuals = used.iter().zip(&fix.sights).zip(&fix.code_residuals_m);
+    let residuals = residuals.map(|((sighting, sight), &range_m)| Residual {
+        sv: sighting.observation.sv,
+        range_m,
+        doppler_hz: sighting.observation.doppler_hz
+            + sight.range_rate(&velocity, drift) / L1_WAVELENGTH,
+        azimuth: sight.azimuth,
+        elevation: sight.elevation,
+    });
+    Ok(Fix {
+        time: problem.time + fix.state[TIME],
+        sample: epoch.sample,
+        position_m,
+        velocity_mps: motion.map(|m| m.velocity_mps),
+        clock_bias_s: -fix.state[TIME],
+        clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
+        covariance: geometry.local(&covariance),
+        pdop: geometry.pdop,
+        hdop: geometry.hdop,
+        vdop: geometry.vdop,
+        residuals: residuals.collect(),
+        excluded,
+        method: FixMethod::Snapshot,
+        solver: "aw-dgn-bt",
+        time_search: None,
+        alternatives_m: Vec::new(),
+        iterations: found.iterations,
+    })
+}
+
+#[cfg(test)]
+mod tests;

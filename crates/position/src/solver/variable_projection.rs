@@ -1,0 +1,397 @@
+//! Position by variable projection: clocks eliminated, curved steps, and restarts until the residuals
+//! prove the place.
+//!
+//! The clock terms enter linearly, so that for each place `r` the best ones are known: centring the
+//! rows (taking out their weighted mean) leaves a problem in `r` alone (Golub and Pereyra 1973).
+//!
+//! ```text
+//! r <- psi * unit(sum of the satellites' unit vectors)
+//! repeat: e <- centre(y - h),  A <- centre(dh/dr)
+//!         D <- A+ e,  a <- -A+ centre(h''(D, D)) / 2;  a <- 0 unless |2 a| < 0.75 |D|
+//!         mu <- 1;  loop: rn <- r + mu D + mu^2 a;  if |rn| > wall: rn <- wall * unit(rn)
+//!                         accept if Phi(rn) <= (1 + tau) Phi(r) + floor, else mu <- mu/2
+//! until mu |D| < eps (the step before its projection), or it promises less than rounding
+//! ```
+//!
+//! `a` is the geodesic acceleration of Transtrum and Sethna (2012). Where Gauss-Newton's iterate would
+//! press against the altitude wall and jam, the projection keeps the tangential part of the step.
+//!
+//! What converges is believed when it lies between 100 km below and 50 km above the mean radius, and
+//! its cost is below 25 times the redundancy (5 deviations); below 2.5 deviations at once, between the
+//! two after four more starts. Starts, until one is believed: the centroid; the centroid after two
+//! Gauss-Newton steps on the sphere; the cheapest place on the rings; the centroid without wall, which may
+//! lead to a place in orbit if redundant observations prove it; then six places on each of three rings
+//! around the centroid, at 0.2, 0.6 and 0.07 rad. With no redundancy every place fits: the sphere comes
+//! first, and all starts are used to look for other solutions, which are reported.
+
+use super::belief::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
+use super::model::Satellite;
+use super::observations::Observations;
+use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
+use super::system::{Clocks, MAX_ROWS, Rows, System, unseen};
+use nalgebra::{Matrix3, Matrix3x2, Vector3};
+use sdr_rx_gnss::constants::EARTH_RADIUS;
+
+const EPS: f64 = 1e-5;
+const TAU: f64 = 1e-8;
+const ETA: f64 = 1e-6;
+const K_MAX: usize = 100;
+/// Above this many metres the second-order term is worth its cost: below, it is under a micrometre.
+const CURVED_M: f64 = 1.0;
+/// Iterates at the wall, one after the other, that mean a jam.
+const MAX_PROJECTED: usize = 8;
+/// A cost above the lowest by less than this (three deviations) is as good.
+const AS_GOOD: f64 = 9.0;
+/// Starts still to try after one that is believed, but not at once.
+const MORE_STARTS: usize = 4;
+/// Starts around the centroid: this many on each ring, at these angles from it, rad.
+const RING: usize = 6;
+const RINGS: [f64; 3] = [0.2, 0.6, 0.07];
+
+/// Solves from below the satellites' centroid, with `restarts` until the residuals prove the place, or
+/// without. `trace` sees each accepted step. Allocates nothing.
+///
+/// # Errors
+/// [`Failure::Inconsistent`] if the best place does not explain the observations to their deviations,
+/// [`Failure::Implausible`] if it is not near the Earth's surface and nothing proves it, or how the last
+/// start failed.
+pub fn variable_projection<O: Observations>(
+    observations: &O,
+    restarts: bool,
+    trace: impl FnMut(&Step),
+) -> Result<Solution, Failure> {
+    match observations.rows().iter().sum() {
+        0..=16 => solve::<O, 16>(observations, restarts, trace),
+        17..=64 => solve::<O, 64>(observations, restarts, trace),
+        _ => solve::<O, MAX_ROWS>(observations, restarts, trace),
+    }
+}
+
+/// Where a start begins.
+#[derive(Clone, Copy)]
+enum Start {
+    Centroid,
+    Sphere,
+    CheapestOfRings,
+    CentroidWithoutWall,
+    Ring(usize),
+    /// A given place, within the wall.
+    Place(Vector3<f64>),
+}
+
+/// The starts in their order.
+fn starts(redundancy: usize, restarts: bool) -> impl Iterator<Item = Start> {
+    let first =
+        [Start::Centroid, Start::Sphere, Start::CheapestOfRings, Start::CentroidWithoutWall];
+    let rings = (0..RINGS.len() * RING).map(Start::Ring);
+    first.into_iter().chain(rings).filter(move |start| match start {
+        Start::Centroid => redundancy > 0 || !restarts,
+        _ => restarts,
+    })
+}
+
+/// A converged start.
+#[derive(Clone, Copy)]
+struct Minimum {
+    state: State,
+    cost: f64,
+    covariance: Matrix3<f64>,
+    /// Linearisations up to it.
+    iterations: usize,
+    /// Starts before its own.
+    restarts: usize,
+}
+
+impl Minimum {
+    fn is_at(&self, other: &Self) -> bool {
+        (self.state.position_m - other.state.position_m).norm() <= SAME_M
+    }
+
+    /// Whether a place can be believed by its height: without wall, only the residuals bound it above.
+    fn plausible(&self, start: Start, redundancy: usize) -> bool {
+        match start {
+            Start::CentroidWithoutWall if redundancy > 0 => {
+                above_the_ground(&self.state.position_m)
+            }
+            _ => near_the_surface(&self.state.position_m),
+        }
+    }
+}
+
+/// Different minima, the solution first.
+#[derive(Default)]
+struct Minima([Option<Minimum>; 4]);
+
+impl Minima {
+    /// Adds one; it becomes the solution if it is the first, or `by_cost` and cheaper.
+    fn push(&mut self, minimum: Minimum, by_cost: bool) {
+        if let Some(same) = self.0.iter_mut().flatten().find(|m| m.is_at(&minimum)) {
+            if minimum.cost < same.cost {
+                (same.state, same.cost) = (minimum.state, minimum.cost);
+            }
+        } else if let Some(free) = self.0.iter_mut().find(|m| m.is_none()) {
+            *free = Some(minimum);
+        }
+        if by_cost {
+            self.0.sort_by(|a, b| match (a, b) {
+                (Some(a), Some(b)) => a.cost.total_cmp(&b.cost),
+                _ => b.is_some().cmp(&a.is_some()),
+            });
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Buffer<const N: usize> {
+    seen: Rows<N>,
+    /// Centred residuals.
+    right: [f64; N],
+}
+
+struct Solver<'a, O, F, const N: usize> {
+    system: System<'a, O, N>,
+    trace: F,
+    centroid: Vector3<f64>,
+    /// Predictions and residuals at the place reached, and at the next.
+    buffers: [Buffer<N>; 2],
+    iterations: usize,
+    starts: usize,
+}
+
+fn solve<O: Observations, const N: usize>(
+    observations: &O,
+    restarts: bool,
+    trace: impl FnMut(&Step),
+) -> Result<Solution, Failure> {
+    let system = System::<O, N>::new(observations)?;
+    let redundancy = system.redundancy();
+    let [early, believed] = believed_costs(observations, redundancy);
+    let mut solver = Solver {
+        centroid: centroid((0..system.rows()).map(|row| observations.satellite(row))),
+        system,
+        trace,
+        buffers: [Buffer { seen: unseen(), right: [0.0; N] }; 2],
+        iterations: 0,
+        starts: 0,
+    };
+    let mut minima = Minima::default();
+    let mut failure = None;
+    let mut left = usize::MAX;
+    for start in starts(redundancy, restarts) {
+        match solver.start(start) {
+            Ok(minimum) if minimum.plausible(start, redundancy) => {
+                minima.push(minimum, redundancy > 0);
+                if redundancy > 0 && minimum.cost < early {
+                    break;
+                }
+                if redundancy > 0 && minimum.cost < believed {
+                    left = left.min(MORE_STARTS + 1);
+                }
+            }
+            Ok(Minimum { state, iterations, .. }) => {
+                failure.get_or_insert(Failure::Implausible { state, iterations });
+            }
+            Err(cause) => {
+                failure.get_or_insert(cause);
+            }
+        }
+        left -= 1;
+        if left == 0 {
+            break;
+        }
+    }
+    let Some(mut minimum) = minima.0[0] else {
+        // At least one start was made, and none led to a place.
+        return Err(failure.unwrap_or(Failure::Coplanar));
+    };
+    if redundancy > 0 {
+        minimum.iterations = solver.iterations;
+    }
+    let Minimum { state, cost, iterations, .. } = minimum;
+    if cost >= believed {
+        return Err(Failure::Inconsistent { state, cost, limit: believed, iterations });
+    }
+    if let Some(mirrored) = solver.system.mirrored(&state.position_m).filter(|_| restarts) {
+        let start = Start::Place(mirrored);
+        if let Some(second) = solver.start(start).ok().filter(|m| m.plausible(start, redundancy)) {
+            minima.push(second, false);
+        }
+    }
+    let mut alternatives = Alternatives::default();
+    for other in minima.0[1..].iter().flatten() {
+        if other.cost < believed.min(cost + AS_GOOD) {
+            alternatives.push(other.state);
+        }
+    }
+    let ambiguity = if !alternatives.is_empty() {
+        Ambiguity::Several
+    } else if redundancy == 0 || !observations.sigma_known() {
+        Ambiguity::Unverified
+    } else {
+        Ambiguity::None
+    };
+    Ok(Solution {
+        state,
+        cost,
+        covariance: minimum.covariance,
+        iterations,
+        search_iterations: solver.iterations - iterations,
+        restarts: minimum.restarts,
+        alternatives,
+        ambiguity,
+    })
+}
+
+/// Unit vector to the mean direction of the satellites; the north pole's if they lie all around.
+fn centroid<'a>(satellites: impl Iterator<Item = &'a Satellite>) -> Vector3<f64> {
+    let sum: Vector3<f64> = satellites.map(|s| s.position_m / s.position_m.norm()).sum();
+    sum.try_normalize(1e-6).unwrap_or(Vector3::z())
+}
+
+/// Two unit vectors orthogonal to a unit vector and to each other.
+fn tangents(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let axis = Vector3::ith(up.iamin(), 1.0);
+    let east = axis.cross(up).normalize();
+    [east, up.cross(&east)]
+}
+
+impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
+    fn start(&mut self, start: Start) -> Result<Minimum, Failure> {
+        self.starts += 1;
+        let wall = EARTH_RADIUS + WALL_M;
+        let below_centroid = EARTH_RADIUS * self.centroid;
+        match start {
+            Start::Centroid => self.descend(below_centroid, wall),
+            Start::CentroidWithoutWall => self.descend(below_centroid, f64::INFINITY),
+            Start::Place(place) => self.descend(place, wall),
+            Start::Ring(k) => self.descend(self.on_ring(k), wall),
+            Start::Sphere => {
+                let place = self.on_sphere(below_centroid)?;
+                self.descend(place, wall)
+            }
+            Start::CheapestOfRings => {
+                let mut cheapest = (f64::INFINITY, below_centroid);
+                for k in 0..RINGS.len() * RING {
+                    let place = self.on_ring(k);
+                    let cost = look(&self.system, &place, &mut self.buffers[0]).1;
+                    if cost < cheapest.0 {
+                        cheapest = (cost, place);
+                    }
+                }
+                self.descend(cheapest.1, wall)
+            }
+        }
+    }
+
+    /// Place `k` of those around the centroid, on the mean sphere.
+    fn on_ring(&self, k: usize) -> Vector3<f64> {
+        let (angle, turn) = (RINGS[k / RING], (k % RING) as f64);
+        let azimuth = turn * std::f64::consts::TAU / RING as f64;
+        let [east, north] = tangents(&self.centroid);
+        let aside = east * azimuth.sin() + north * azimuth.cos();
+        EARTH_RADIUS * (self.centroid * angle.cos() + aside * angle.sin())
+    }
+
+    /// Two Gauss-Newton steps on the mean sphere, in the two tangential unknowns.
+    fn on_sphere(&mut self, mut place: Vector3<f64>) -> Result<Vector3<f64>, Failure> {
+        let buffer = &mut self.buffers[0];
+        for _ in 0..2 {
+            self.iterations += 1;
+            let (clocks, _) = look(&self.system, &place, buffer);
+            if self.system.step(&buffer.seen, &buffer.right).is_none() {
+                let state = self.system.state(place, clocks);
+                return Err(self.system.diagnose(state, self.iterations));
+            }
+            let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
+            let step = self.system.step_within(&basis);
+            place = EARTH_RADIUS * (place + step).normalize();
+        }
+        Ok(place)
+    }
+
+    /// The iteration of the module's head.
+    fn descend(&mut self, start: Vector3<f64>, wall_m: f64) -> Result<Minimum, Failure> {
+        let system = &mut self.system;
+        let [here, there] = &mut self.buffers;
+        let (mut here, mut there) = (here, there);
+        let mut position = start;
+        let (mut clocks, mut phi) = look(system, &position, here);
+        let mut at_wall = 0;
+        for _ in 0..K_MAX {
+            self.iterations += 1;
+            let iterations = self.iterations;
+            let state = system.state(position, clocks);
+            let Some((d, _)) = system.step(&here.seen, &here.right) else {
+                return Err(system.diagnose(state, iterations));
+            };
+            let (length, promise) = (d.norm(), system.promise());
+            let mut a = Vector3::zeros();
+            if length > CURVED_M {
+                system.curvatures(&here.seen, &d, &mut there.right);
+                let bend = -system.step_again(&mut there.right);
+                if bend.norm() < 0.75 * length {
+                    a = 0.5 * bend;
+                }
+            }
+            let (mut mu, mut halvings) = (1.0, 0);
+            let (next, projected, clocks_next, phi_next) = loop {
+                let mut next = position + mu * d + mu * mu * a;
+                let radius = next.norm();
+                let projected = radius > wall_m;
+                if projected {
+                    next *= wall_m / radius;
+                }
+                let (clocks_next, phi_next) = look(system, &next, there);
+                if phi_next <= (1.0 + TAU) * phi + system.floor {
+                    break (next, projected, clocks_next, phi_next);
+                }
+                mu /= 2.0;
+                halvings += 1;
+                if mu < ETA {
+                    return Err(Failure::Jammed { state, iterations, wall: projected });
+                }
+            };
+            let moved = (next - position).norm();
+            std::mem::swap(&mut here, &mut there);
+            let state = system.state(next, clocks_next);
+            (self.trace)(&Step {
+                start: self.starts - 1,
+                mu,
+                length: moved,
+                objective_before: phi,
+                objective_after: phi_next,
+                state,
+                damped: match projected {
+                    true => Damped::Projected(halvings),
+                    false => Damped::by(1.0, 0, halvings),
+                },
+            });
+            (position, clocks, phi) = (next, clocks_next, phi_next);
+            if mu * length < EPS || promise < system.rounding {
+                if let Some(row) = system.coincident(&position) {
+                    return Err(Failure::Coincident { row });
+                }
+                let covariance = system.covariance();
+                let restarts = self.starts - 1;
+                return Ok(Minimum { state, cost: phi, covariance, iterations, restarts });
+            }
+            at_wall = if projected { at_wall + 1 } else { 0 };
+            if at_wall == MAX_PROJECTED || projected && moved < EPS {
+                return Err(Failure::Jammed { state, iterations, wall: true });
+            }
+        }
+        let state = system.state(position, clocks);
+        Err(Failure::TooSlow { state, iterations: self.iterations })
+    }
+}
+
+/// Predictions and centred residuals at a place: its best clock terms and its cost.
+#[inline]
+fn look<O: Observations, const N: usize>(
+    system: &System<'_, O, N>,
+    place: &Vector3<f64>,
+    buffer: &mut Buffer<N>,
+) -> (Clocks, f64) {
+    system.see(place, &mut buffer.seen);
+    system.centred_residuals(&buffer.seen, &mut buffer.right)
+}

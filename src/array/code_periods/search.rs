@@ -1,0 +1,489 @@
+//! Acquisition from the code-period decomposition (route c): a few waveforms are searched for all codes, in
+//! place of every element's every millisecond.
+//!
+//! The r first right singular vectors of the code periods (module `array::code_period_svd`) span the
+//! waveforms of the satellites present. A waveform w of unit norm that is not among them has the share
+//!
+//! s = sum_j |v_j^H w|^2 ~ Beta(r, N - r), P(s > x) = sum_{i < r} C(N-1, i) x^i (1-x)^(N-1-i)
+//!
+//! of its power in a random r-dimensional subspace of N dimensions, which is what noise gives. Three passes:
+//!
+//! 1. The strong: the first eight vectors, Dopplers a kilohertz apart. A code is clear whose share exceeds the
+//!    threshold by three times the greatest cross-correlation; half the step off, 0.4 of the share is left. What is
+//!    clear is measured between the cells and projected out of the subspace.
+//! 2. All others, in what is left of all r vectors, Dopplers half a kilohertz apart.
+//! 3. What is clear only now is projected out too. Of the rest, what passed must still pass; what nearly passed
+//!    and was mostly the shadow of something clear is searched again.
+//!
+//! Counted work: a forward transform for each code, vector and fraction of a kilohertz, and an inverse transform
+//! for each satellite, Doppler and vector. The first pass takes 32 x 11 x 8 for 5 kHz; each satellite that it finds
+//! spares the second one 21 r, and, from a share of 0.2 on, all others 21.
+
+use super::svd::{CodePeriodSvd, CodePeriods, add_product, product};
+use crate::acquisition::search::{add_power, multiply, phasor};
+use crate::acquisition::{Acquisition, AcquisitionError};
+use crate::array::{CMat, Signature};
+use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
+use crate::gnss::prn_code::ca_code;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use sdr_rx_linalg::{Fft, forward_transform, hermitian_eigen, inverse_transform};
+use std::f64::consts::TAU;
+
+/// Greatest cross-correlation of two C/A codes at any Doppler, -21.1 dB (Kaplan & Hegarty, 3rd ed., 3.3): what
+/// a satellite of share 1 gives to another's code.
+const CROSS_CORRELATION: f64 = 0.0078;
+/// A code is beyond doubt whose share exceeds the threshold by so many of these.
+const CLEAR: f64 = 3.0;
+/// In the last pass only codes are searched whose share came so near the threshold in the second, and lost so
+/// much of it with the satellites found.
+const NEARLY: f64 = 0.75;
+/// What a direction of the subspace must keep of its power, projected, to be searched on: a satellite found
+/// with a share of 0.2 or more takes the direction nearest to it along.
+const LEAST_LEFT: f64 = 0.8;
+/// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom law.
+const RANK_FALSE_ALARM: f64 = 2.5e-5;
+/// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites takes every other.
+const DOPPLER_STEP_HZ: f64 = 500.0;
+/// Vectors that the pass for strong satellites looks at, where signals are not more.
+const STRONG_COMPONENTS: usize = 8;
+
+/// What to search.
+#[derive(Clone, Debug)]
+pub struct CodePeriodOptions {
+    /// Satellites.
+    pub satellites: Vec<Sv>,
+    /// Greatest Doppler, Hz.
+    pub most_doppler_hz: f64,
+    /// Code periods used, at most 1024 over the number of elements.
+    pub periods: usize,
+    /// Right vectors searched, where signals are not more.
+    pub components: usize,
+    /// Probability of one or more false satellites.
+    pub false_alarm: f64,
+}
+
+impl CodePeriodOptions {
+    /// All GPS satellites within +-5 kHz, one false alarm in 10^5 searches; 16 vectors, of one antenna and
+    /// more than 50 ms 24.
+    pub fn new(elements: usize, periods: usize) -> Self {
+        Self {
+            satellites: Sv::all_gps().collect(),
+            most_doppler_hz: 5000.0,
+            periods,
+            components: if elements == 1 && periods > 50 { 24 } else { 16 },
+            false_alarm: 1e-5,
+        }
+    }
+}
+
+/// A satellite found.
+#[derive(Clone, Debug)]
+pub struct CodeFound {
+    /// Doppler, code phase at the first sample and C/N0 of one element (of the samples as they are: after a
+    /// map with its loss), refined. The statistic is the share over its mean under noise, r/N.
+    pub acquisition: Acquisition,
+    /// Share of the code's waveform in the searched subspace.
+    pub share: f64,
+    /// Every element's every code period despread with the waveform found (M x K), Doppler and data still
+    /// in them from period to period.
+    pub prompts: CMat,
+    /// Spatial signature; `None` with one element.
+    pub signature: Option<Signature>,
+}
+
+/// What the search saw.
+#[derive(Clone, Debug)]
+pub struct CodePeriodLook {
+    /// The decomposition: number of signals, noise floor, right vectors, blind snapshots.
+    pub svd: CodePeriodSvd,
+    /// Satellites, strongest first.
+    pub found: Vec<CodeFound>,
+    /// Fourier transforms done.
+    pub transforms: usize,
+    /// Inverse transforms of the full non-coherent search of the same elements, periods, satellites and
+    /// Dopplers (1 ms coherent).
+    pub full_search_transforms: usize,
+}
+
+/// A cell of greatest share.
+#[derive(Clone, Copy)]
+struct Cell {
+    sv: Sv,
+    share: f64,
+    doppler_hz: f64,
+    delay_bins: f64,
+}
+
+/// Searches the samples of all channels (baseband, of one length and equal noise floors, interference removed,
+/// impulses suppressed); `nulled` spatial directions were projected away.
+pub fn search_code_periods(
+    channels: &[&[Complex32]],
+    rate_hz: f64,
+    nulled: usize,
+    options: &CodePeriodOptions,
+) -> Result<CodePeriodLook, AcquisitionError> {
+    let samples = channels.first().map_or(0, |c| c.len());
+    let need = (rate_hz * CA_CODE_PERIOD).ceil() as usize;
+    let reason = match () {
+        _ if options.satellites.is_empty() => Some("no satellite is asked for"),
+        _ if !(0.0..=0.5 * rate_hz).contains(&options.most_doppler_hz) => {
+            Some("the Doppler interval must lie in the sampled band")
+        }
+        _ if options.components == 0 => Some("at least one component is needed"),
+        _ if channels.iter().any(|c| c.len() != samples) => Some("the channels differ in length"),
+        _ if !(options.false_alarm > 0.0 && options.false_alarm < 1.0) => {
+            Some("the false-alarm probability must be between 0 and 1")
+        }
+        _ => None,
+    };
+    if let Some(reason) = reason {
+        return Err(AcquisitionError::Options(reason));
+    }
+    if !rate_hz.is_finite() || rate_hz < CA_CHIP_RATE {
+        return Err(AcquisitionError::Rate(rate_hz));
+    }
+    if samples < need || options.periods == 0 {
+        return Err(AcquisitionError::TooShort { have: samples, need, coherent_ms: 1, rate_hz });
+    }
+    let data = CodePeriods::new(channels, rate_hz, options.periods);
+    let svd = CodePeriodSvd::new(&data, options.components, nulled, RANK_FALSE_ALARM)
+        .ok_or(AcquisitionError::Options("the samples are all zero, or not finite"))?;
+    let search = Search::new(&data, options);
+
+    let mut found: Vec<(Cell, usize)> = Vec::new();
+    let strong = STRONG_COMPONENTS.max(svd.division.rank).min(svd.right.len());
+    let (cells, mut transforms) = search.best_cells(&svd.right[..strong], &options.satellites, 1);
+    search.take(&svd.right, &cells, search.clear(strong), &mut found);
+
+    let right = search.without(&svd.right, &found);
+    let left = unfound(&options.satellites, &found);
+    let (cells, more) = search.best_cells(&right, &left, 2);
+    transforms += more;
+    search.take(&right, &cells, search.clear(right.len()), &mut found);
+
+    let right = search.without(&svd.right, &found);
+    let threshold = search.threshold(right.len());
+    let left = unfound(&left, &found);
+    let nearly = |c: &Cell| left.contains(&c.sv) && c.share > NEARLY * threshold;
+    let (mut own, mut shadowed) = (Vec::new(), Vec::new());
+    for cell in cells.into_iter().filter(nearly) {
+        let share = search.share(&right, &cell);
+        if share > NEARLY * cell.share {
+            own.push(Cell { share, ..cell });
+        } else {
+            shadowed.push(cell.sv);
+        }
+    }
+    let (again, more) = search.best_cells(&right, &shadowed, 2);
+    transforms += more;
+    search.take(&right, &[own, again].concat(), threshold, &mut found);
+
+    found.sort_by(|a, b| b.0.share.total_cmp(&a.0.share));
+    let found =
+        found.iter().map(|(cell, r)| search.measure(cell, *r, svd.division.floor)).collect();
+    let full_search_transforms =
+        data.rows.len() * options.satellites.len() * search.dopplers(2).count();
+    Ok(CodePeriodLook { svd, found, transforms, full_search_transforms })
+}
+
+/// The satellites not yet found.
+fn unfound(satellites: &[Sv], found: &[(Cell, usize)]) -> Vec<Sv> {
+    let is_left = |sv: &&Sv| found.iter().all(|f| f.0.sv != **sv);
+    satellites.iter().filter(is_left).copied().collect()
+}
+
+/// Orthonormal basis of what is left of orthonormal `rows` when the waveforms are projected away from them.
+fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Complex32>> {
+    let single = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
+    let normalised = |mut x: Vec<Complex32>| {
+        let norm = product(&x, &x).re.sqrt().max(f64::MIN_POSITIVE);
+        x.iter_mut().for_each(|x| *x /= norm as f32);
+        x
+    };
+    let without = |x: &[Complex32], basis: &[Vec<Complex32>]| {
+        let mut left = x.to_vec();
+        for b in basis {
+            add_product(single(-product(x, b)), b, &mut left);
+        }
+        left
+    };
+    let mut basis: Vec<Vec<Complex32>> = Vec::new();
+    for wave in waves {
+        basis.push(normalised(without(&without(wave, &basis), &basis)));
+    }
+    let left: Vec<Vec<Complex32>> = rows.iter().map(|row| without(row, &basis)).collect();
+    let gram = CMat::from_fn(rows.len(), rows.len(), |i, k| product(&left[i], &left[k]));
+    let Some((values, vectors)) = hermitian_eigen(&gram) else { return left };
+    let kept = values.iter().take_while(|&&l| l > LEAST_LEFT).count();
+    let combine = |j: usize| {
+        let mut sum = vec![Complex32::ZERO; left[0].len()];
+        for (i, row) in left.iter().enumerate() {
+            add_product(single(vectors[(i, j)].conj()), row, &mut sum);
+        }
+        normalised(sum)
+    };
+    (0..kept).map(combine).collect()
+}
+
+/// What all passes of one search share.
+struct Search<'a> {
+    data: &'a CodePeriods,
+    options: &'a CodePeriodOptions,
+    forward: std::sync::Arc<dyn Fft<f32>>,
+    inverse: std::sync::Arc<dyn Fft<f32>>,
+}
+
+impl<'a> Search<'a> {
+    fn new(data: &'a CodePeriods, options: &'a CodePeriodOptions) -> Self {
+        let (forward, inverse) = (forward_transform(data.bins), inverse_transform(data.bins));
+        Self { data, options, forward, inverse }
+    }
+
+    /// Dopplers searched with so many fractions of a kilohertz, in steps of 500 Hz.
+    fn dopplers(&self, fractions: usize) -> impl Iterator<Item = i64> + use<> {
+        let most = (self.options.most_doppler_hz / DOPPLER_STEP_HZ).ceil() as i64;
+        (-most..=most).filter(move |step| fractions == 2 || step % 2 == 0)
+    }
+
+    /// The subspace without what was found.
+    fn without(&self, right: &[Vec<Complex32>], found: &[(Cell, usize)]) -> Vec<Vec<Complex32>> {
+        let waves: Vec<_> = found.iter().map(|f| self.waveform(&f.0)).collect();
+        project_out(right, &waves)
+    }
+
+    /// Adds the cells above a share to what was found, measured between the cells.
+    fn take(
+        &self,
+        right: &[Vec<Complex32>],
+        cells: &[Cell],
+        above: f64,
+        found: &mut Vec<(Cell, usize)>,
+    ) {
+        let above = cells.iter().filter(|c| c.share > above);
+        found.extend(above.map(|c| (self.refine(right, *c), right.len())));
+    }
+
+    /// Share that only a code which is there has, beside whatever others.
+    fn clear(&self, components: usize) -> f64 {
+        self.threshold(components) + CLEAR * CROSS_CORRELATION
+    }
+
+    /// Share that noise exceeds anywhere with the probability asked for.
+    fn threshold(&self, components: usize) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if self.false_alarm(middle, components) > self.options.false_alarm {
+                low = middle
+            } else {
+                high = middle
+            }
+        }
+        high
+    }
+
+    /// Probability that noise exceeds a share in any cell (taken as independent: an overestimate).
+    fn false_alarm(&self, share: f64, components: usize) -> f64 {
+        let cells = self.options.satellites.len() * self.dopplers(2).count() * self.data.bins;
+        let tail = share_tail(share, components, self.data.bins);
+        -(cells as f64 * (-tail).ln_1p()).exp_m1()
+    }
+
+    /// The best cell of every satellite at Dopplers of so many fractions of a kilohertz, and the number of
+    /// transforms.
+    fn best_cells(
+        &self,
+        right: &[Vec<Complex32>],
+        satellites: &[Sv],
+        fractions: usize,
+    ) -> (Vec<Cell>, usize) {
+        if satellites.is_empty() {
+            return (Vec::new(), 0);
+        }
+        let bins = self.data.bins;
+        // Whole kilohertz are shifts of the spectrum by lines; the fractions are 0 and 500 Hz.
+        let spectra: Vec<Vec<Vec<Complex32>>> = [0.0, DOPPLER_STEP_HZ][..fractions]
+            .iter()
+            .map(|fraction| {
+                let turn = |n| phasor(fraction * CA_CODE_PERIOD * n as f64 / bins as f64);
+                let spectrum = |row: &Vec<Complex32>| {
+                    let mut mixed: Vec<_> =
+                        row.iter().enumerate().map(|(n, x)| x * turn(n)).collect();
+                    self.forward.process(&mut mixed);
+                    mixed
+                };
+                right.iter().map(spectrum).collect()
+            })
+            .collect();
+        let cells = satellites.par_iter().map(|&sv| self.best(sv, &spectra)).collect();
+        let dopplers = self.dopplers(spectra.len()).count();
+        let forward = spectra.len() * right.len() + satellites.len();
+        (cells, forward + satellites.len() * dopplers * right.len())
+    }
+
+    /// The best cell of a satellite in the spectra of all vectors, by fraction of a kilohertz.
+    fn best(&self, sv: Sv, spectra: &[Vec<Vec<Complex32>>]) -> Cell {
+        let bins = self.data.bins;
+        let mut code = self.waveform(&Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 });
+        self.forward.process(&mut code);
+        code.iter_mut().for_each(|c| *c = c.conj());
+        let mut correlation = vec![Complex32::ZERO; bins];
+        let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
+        let mut power = vec![0f32; bins];
+        let mut best = Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
+        for step in self.dopplers(spectra.len()) {
+            let fraction = step.rem_euclid(2) as usize;
+            let lines = step.div_euclid(2).rem_euclid(bins as i64) as usize;
+            power.fill(0.0);
+            for spectrum in &spectra[fraction] {
+                let (head, tail) = spectrum.split_at(lines);
+                let (code_head, code_tail) = code.split_at(bins - lines);
+                multiply(tail, code_head, &mut correlation[..bins - lines]);
+                multiply(head, code_tail, &mut correlation[bins - lines..]);
+                self.inverse.process_with_scratch(&mut correlation, &mut scratch);
+                add_power(&correlation, &mut power, false);
+            }
+            let peak = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            let (bin, highest) = peak.map_or((0, 0.0), |(bin, p)| (bin, f64::from(*p)));
+            // Both transforms are without a factor: N^2 of the power, and the waveform has norm 1.
+            let share = highest / (bins as f64).powi(2);
+            if share > best.share {
+                let doppler_hz = step as f64 * DOPPLER_STEP_HZ;
+                best = Cell { sv, share, doppler_hz, delay_bins: bin as f64 };
+            }
+        }
+        best
+    }
+
+    /// The waveform of a cell, of norm 1: the code at the instants where samples lie on average.
+    fn waveform(&self, cell: &Cell) -> Vec<Complex32> {
+        let chips = ca_code(cell.sv);
+        let bins = self.data.bins as f64;
+        let turn = Complex64::cis(TAU * cell.doppler_hz * CA_CODE_PERIOD / bins);
+        let mut carrier = Complex64::from(bins.sqrt().recip());
+        (0..self.data.bins)
+            .map(|n| {
+                let phase = (n as f64 + self.data.offset - cell.delay_bins) / bins;
+                let chip = (phase.rem_euclid(1.0) * CA_CODE_LENGTH as f64) as usize;
+                let value = carrier * f64::from(chips[chip.min(CA_CODE_LENGTH - 1)]);
+                carrier *= turn;
+                Complex32::new(value.re as f32, value.im as f32)
+            })
+            .collect()
+    }
+
+    fn share(&self, right: &[Vec<Complex32>], cell: &Cell) -> f64 {
+        let waveform = self.waveform(cell);
+        right.iter().map(|row| product(row, &waveform).norm_sqr()).sum()
+    }
+
+    /// Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance of early and
+    /// late half a chip away (the correlation of chips is a triangle).
+    fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
+        let half_chip = 0.5 * self.data.bins as f64 / CA_CODE_LENGTH as f64;
+        let mean = right.len() as f64 / self.data.bins as f64;
+        // Half a kilohertz off, the parabola would not bend. (The cell may come from fewer vectors.)
+        let cells = [-DOPPLER_STEP_HZ, DOPPLER_STEP_HZ, 0.0].map(|shift| {
+            let cell = Cell { doppler_hz: start.doppler_hz + shift, ..start };
+            Cell { share: self.share(right, &cell), ..cell }
+        });
+        let start = cells.into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or(start);
+        let mut cell = start;
+        for reach_hz in [250.0, 120.0] {
+            let at = |shift: f64| {
+                self.share(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
+            };
+            let [early, late] = [-half_chip, half_chip].map(|d| (at(d) - mean).max(0.0).sqrt());
+            if early + late > 0.0 {
+                cell.delay_bins += half_chip * (late - early) / (late + early);
+            }
+            let at = |shift: f64| {
+                self.share(right, &Cell { doppler_hz: cell.doppler_hz + shift, ..cell })
+            };
+            let [low, middle, high] = [-reach_hz, 0.0, reach_hz].map(at);
+            let bend = 2.0 * middle - low - high;
+            if bend > 0.0 {
+                cell.doppler_hz +=
+                    (0.5 * reach_hz * (high - low) / bend).clamp(-reach_hz, reach_hz);
+            }
+        }
+        cell.share = self.share(right, &cell);
+        if cell.share >= start.share { cell } else { start }
+    }
+
+    /// Despreads the samples with what was found, and takes C/N0 and the last digits of Doppler from them.
+    fn measure(&self, cell: &Cell, components: usize, floor: f64) -> CodeFound {
+        let prompts = self.data.despread(&self.waveform(cell));
+        let (elements, periods) = prompts.shape();
+        let signature = Signature::estimate(&prompts);
+        let ones = vec![Complex64::ONE; elements];
+        let response = signature.as_ref().map_or(&ones, |s| &s.response);
+        let beam: Vec<Complex64> = (0..periods)
+            .map(|k| {
+                let sum: Complex64 =
+                    (0..elements).map(|m| response[m].conj() * prompts[(m, k)]).sum();
+                sum * Complex64::cis(-TAU * cell.doppler_hz * CA_CODE_PERIOD * k as f64)
+            })
+            .collect();
+        let span = CarrierSpan { frequency_hz: 0.5 * DOPPLER_STEP_HZ, rate_hz_s: 0.0 };
+        let rest = estimate_carrier(&beam, span).map_or(0.0, |c| c.frequency_hz);
+        let doppler_hz = cell.doppler_hz + if periods > 1 { rest } else { 0.0 };
+        let power: f64 = (0..periods)
+            .flat_map(|k| (0..elements).map(move |m| (m, k)))
+            .map(|at| prompts[at].norm_sqr())
+            .sum();
+        let snr = power / (floor * (elements * periods) as f64) - 1.0;
+        // The delay is that of the middle of the periods; the code runs by Doppler / 1540.
+        let chips = CA_CODE_LENGTH as f64;
+        let drift = doppler_hz / CYCLES_PER_CHIP * periods as f64 * CA_CODE_PERIOD / 2.0;
+        let code_phase = -cell.delay_bins * chips / self.data.bins as f64 - drift;
+        let acquisition = Acquisition {
+            sv: cell.sv,
+            doppler_hz,
+            code_phase_chips: code_phase.rem_euclid(chips) % chips,
+            cn0_dbhz: 10.0 * (snr.max(1e-3) / CA_CODE_PERIOD).log10(),
+            statistic: cell.share * self.data.bins as f64 / components.max(1) as f64,
+            false_alarm: self.false_alarm(cell.share, components),
+        };
+        CodeFound { acquisition, share: cell.share, prompts, signature }
+    }
+}
+
+/// Probability that the share of a waveform in a random subspace of `components` of `bins` dimensions
+/// exceeds `share`: the Beta law's tail as a binomial sum.
+fn share_tail(share: f64, components: usize, bins: usize) -> f64 {
+    if share <= 0.0 || components >= bins {
+        return 1.0;
+    }
+    if share >= 1.0 {
+        return 0.0;
+    }
+    let n = (bins - 1) as f64;
+    // Terms as logarithms: (1 - x)^N can leave the range of f64.
+    let mut log_term = n * (-share).ln_1p();
+    let odds = share.ln() - (-share).ln_1p();
+    let mut sum = 0.0;
+    for i in 0..components {
+        sum += log_term.exp();
+        log_term += ((n - i as f64) / (i + 1) as f64).ln() + odds;
+    }
+    sum.min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_law_of_the_share_is_the_beta_law() {
+        // r = 1: P = (1 - x)^(N-1). Mean of Beta(r, N - r) is r/N: the integral of the tail.
+        assert!((share_tail(0.01, 1, 2048) - 0.99f64.powi(2047)).abs() < 1e-15);
+        let steps = 20_000;
+        let integral: f64 =
+            (0..steps).map(|k| share_tail((f64::from(k) + 0.5) / f64::from(steps), 16, 200)).sum();
+        assert!((integral / f64::from(steps) - 16.0 / 200.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,13 @@
+//! The array's geometry: responses to directions, dictionaries, the Cramer-Rao bound, what the elements see of a
+//! satellite and the direction that it fits.
+
+mod crb;
+mod dictionary;
+mod manifold;
+mod signature;
+
+pub use crb::cramer_rao;
+pub(in crate::array) use crb::inverse;
+pub use dictionary::{degree_grid, dictionary, paper_dictionary};
+pub use manifold::{Bearing, Manifold, Point};
+pub use signature::{Arrival, Signature, arrival};

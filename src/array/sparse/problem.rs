@@ -1,0 +1,133 @@
+//! The problem that all engines solve: its penalty, its objective, what can be wrong with it.
+
+use crate::array::CMat;
+use thiserror::Error;
+
+/// What goes wrong in sparse reconstruction.
+#[derive(Debug, Error)]
+pub enum SparseError {
+    /// Matrices that do not fit.
+    #[error("{what}: {rows} x {columns}, but it must be {expected}")]
+    Shape {
+        /// Which matrix.
+        what: &'static str,
+        /// Its rows.
+        rows: usize,
+        /// Its columns.
+        columns: usize,
+        /// What would be right.
+        expected: String,
+    },
+    /// A number that is not finite.
+    #[error("{what}: entry ({row}, {column}) is not a finite number")]
+    NotFinite {
+        /// Which matrix.
+        what: &'static str,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+    },
+    /// A parameter out of its range.
+    #[error("{name} = {value}: it must be {range}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be right.
+        range: &'static str,
+    },
+    /// LDA-l1,1 has left every bound.
+    #[error(
+        "LDA-l1,1 diverged by iteration {iteration}: eta mu (lambda_max + gamma^2) = {product:.3} must be \
+         below 4; a smaller eta or mu would be right"
+    )]
+    Diverged {
+        /// The iteration at which it was seen.
+        iteration: usize,
+        /// eta mu (lambda_max(A A^H) + gamma^2).
+        product: f64,
+    },
+    /// LDA-l1,1 asked for another problem.
+    #[error("LDA-l1,1 knows no row penalty: the engine ADMM solves it")]
+    NoRows,
+    /// A decomposition or a conic program that came to no end.
+    #[error("{doing}: no convergence")]
+    NoConvergence {
+        /// What was being done.
+        doing: &'static str,
+    },
+}
+
+/// What X costs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Penalty {
+    /// The sum of all moduli; snapshots do not meet.
+    #[default]
+    L11,
+    /// The sum of the norms of the rows.
+    Rows,
+}
+
+/// gamma pen(X) + sum |Y - A X|.
+pub fn objective(a: &CMat, y: &CMat, x: &CMat, penalty: Penalty, gamma: f64) -> f64 {
+    let pen = match penalty {
+        Penalty::L11 => sum_modulus(x),
+        Penalty::Rows => x.row_iter().map(|row| row.norm_l2()).sum(),
+    };
+    gamma * pen + sum_modulus(&(y - a * x))
+}
+
+/// Normalised squared error, |X - truth|^2 / |truth|^2.
+pub fn nmse(x: &CMat, truth: &CMat) -> f64 {
+    (x - truth).squared_norm_l2() / truth.squared_norm_l2()
+}
+
+/// Sum of moduli.
+fn sum_modulus(matrix: &CMat) -> f64 {
+    matrix.col_iter().flat_map(|c| c.iter()).map(|z| z.norm_sqr().sqrt()).sum()
+}
+
+/// Median of the moduli (the upper one of two); 0 of an empty matrix.
+pub(super) fn median_modulus(matrix: &CMat) -> f64 {
+    let mut powers: Vec<f64> =
+        matrix.col_iter().flat_map(|c| c.iter()).map(|z| z.norm_sqr()).collect();
+    if powers.is_empty() {
+        return 0.0;
+    }
+    let middle = powers.len() / 2;
+    powers.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
+}
+
+/// Refuses what no engine can take.
+pub fn check(a: &CMat, y: &CMat) -> Result<(), SparseError> {
+    let shape = |what, matrix: &CMat, expected: String| SparseError::Shape {
+        what,
+        rows: matrix.nrows(),
+        columns: matrix.ncols(),
+        expected,
+    };
+    if a.nrows() == 0 || a.ncols() == 0 {
+        return Err(shape("dictionary", a, "elements x directions, at least 1 x 1".into()));
+    }
+    if y.nrows() != a.nrows() {
+        return Err(shape("snapshots", y, format!("{} x any, as the dictionary", a.nrows())));
+    }
+    for (what, matrix) in [("dictionary", a), ("snapshots", y)] {
+        for (column, entries) in matrix.col_iter().enumerate() {
+            if let Some(row) = entries.iter().position(|z| !z.is_finite()) {
+                return Err(SparseError::NotFinite { what, row, column });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a parameter that is not above 0.
+pub fn positive(name: &'static str, value: f64) -> Result<(), SparseError> {
+    match value > 0.0 && value.is_finite() {
+        true => Ok(()),
+        false => Err(SparseError::Parameter { name, value, range: "above 0 and finite" }),
+    }
+}

@@ -1,0 +1,217 @@
+//! From tracks to pseudoranges: what each channel saw at the common receive instants, dated by the
+//! navigation message.
+
+use super::{Epoch, Quality};
+use crate::gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
+use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
+use crate::gnss::{GpsTime, Sv};
+
+/// What one track measured at the receive instants that it saw, a few numbers each: its memory grows
+/// with the number of instants, not of samples.
+#[derive(Clone, Debug)]
+pub struct TrackLog {
+    /// The satellite.
+    pub sv: Sv,
+    measurements: Vec<Measurement>,
+    /// Code periods whose time of transmission is known, s of week, in order of the period.
+    anchors: Vec<(u64, f64)>,
+    last: Option<Epoch>,
+}
+
+/// A track at one receive instant.
+#[derive(Clone, Copy, Debug)]
+struct Measurement {
+    /// Index of the instant.
+    instant: u64,
+    /// Code period under way, and how much of it has passed.
+    period: u64,
+    fraction: f64,
+    carrier_cycles: f64,
+    doppler_hz: f64,
+    quality: Quality,
+}
+
+impl TrackLog {
+    /// An empty log.
+    pub fn new(sv: Sv) -> Self {
+        Self { sv, measurements: Vec::new(), anchors: Vec::new(), last: None }
+    }
+
+    /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the instants,
+    /// which lie `spacing` samples apart from sample 0 on.
+    pub fn extend(&mut self, epochs: &[Epoch], quality: &Quality, spacing: u64) {
+        for &epoch in epochs {
+            if let Some(last) = self.last.replace(epoch) {
+                let first = (last.start_sample / spacing as f64).ceil() as u64;
+                let length = epoch.start_sample - last.start_sample;
+                for instant in first.. {
+                    let sample = (instant * spacing) as f64;
+                    if sample >= epoch.start_sample {
+                        break;
+                    }
+                    let fraction = (sample - last.start_sample) / length;
+                    self.measurements.push(Measurement {
+                        instant,
+                        period: last.period,
+                        fraction,
+                        carrier_cycles: last.carrier_cycles
+                            + fraction * (epoch.carrier_cycles - last.carrier_cycles),
+                        doppler_hz: last.doppler_hz,
+                        quality: *quality,
+                    });
+                }
+            }
+        }
+    }
+
+    /// States that code period `period` was sent at time of week `tow_s`. One that follows from what is
+    /// known adds nothing.
+    pub fn anchor(&mut self, period: u64, tow_s: f64) {
+        let known = self.tow_s(period, 0.0);
+        if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * CA_CODE_PERIOD) {
+            self.anchors.push((period, tow_s));
+        }
+    }
+
+    /// Whether any period's time of transmission is known.
+    pub fn is_dated(&self) -> bool {
+        !self.anchors.is_empty()
+    }
+
+    /// Dates this track by one of the same satellite that ended before: the transmit time runs on by the
+    /// samples between, and is rounded to whole code periods. Gives what the rounding took away, s: the
+    /// jump of the code phase, by which samples are missing or double if all satellites show it.
+    pub fn continue_from(&mut self, before: &Self, rate_hz: f64) -> Option<f64> {
+        let (old, new) = (before.last?, self.last?);
+        let tow = before.tow_s(old.period, 0.0)?;
+        let elapsed = (new.start_sample - old.start_sample) / rate_hz;
+        let doppler = 0.5 * (old.doppler_hz + new.doppler_hz);
+        let expected = elapsed * (1.0 + doppler / crate::gnss::constants::L1_HZ);
+        let periods = (expected / CA_CODE_PERIOD).round();
+        self.anchor(new.period, tow + periods * CA_CODE_PERIOD);
+        Some(expected - periods * CA_CODE_PERIOD)
+    }
+
+    /// The instant and transmit time of week (s) of the earliest dated measurement.
+    pub fn first_dated(&self) -> Option<(u64, f64)> {
+        let m = self.measurements.first()?;
+        Some((m.instant, self.tow_s(m.period, m.fraction)?))
+    }
+
+    /// Time of week of transmission, s, of a period and a fraction of one: by the latest anchor before it,
+    /// else by the first.
+    fn tow_s(&self, period: u64, fraction: f64) -> Option<f64> {
+        let after = self.anchors.partition_point(|a| a.0 <= period);
+        let (origin, tow) = *self.anchors.get(after.saturating_sub(1))?;
+        let periods = period as f64 - origin as f64;
+        Some(tow + (periods + fraction) * CA_CODE_PERIOD)
+    }
+}
+
+/// The dated measurements of all tracks as observations at the common instants, from the receive time
+/// `origin` of sample 0 by the receiver's clock. Instants with no dated measurement are left out.
+pub fn observation_epochs(
+    logs: &[TrackLog],
+    origin: GpsTime,
+    spacing: u64,
+    rate_hz: f64,
+) -> Vec<ObservationEpoch> {
+    let last = logs.iter().filter_map(|l| l.measurements.last()).map(|m| m.instant).max();
+    let mut next = vec![0; logs.len()];
+    let mut epochs = Vec::new();
+    for instant in 0..=last.unwrap_or(0) {
+        let sample = instant * spacing;
+        let receive_time = origin + sample as f64 / rate_hz;
+        let mut observations = Vec::new();
+        for (log, next) in logs.iter().zip(&mut next) {
+            let Some(m) = log.measurements.get(*next).filter(|m| m.instant == instant) else {
+                continue;
+            };
+            let lost_lock = *next == 0;
+            *next += 1;
+            let Some(tow) = log.tow_s(m.period, m.fraction) else { continue };
+            let sent = receive_time.nearest_with_tow(tow.rem_euclid(604_800.0));
+            observations.push(Observation {
+                sv: log.sv,
+                range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
+                range_sigma_m: m.quality.code_sigma_m,
+                doppler_hz: m.doppler_hz,
+                doppler_sigma_hz: m.quality.doppler_sigma_hz,
+                carrier_phase_cycles: Some(-m.carrier_cycles),
+                lost_lock,
+                cn0_dbhz: m.quality.cn0_dbhz,
+            });
+        }
+        observations.sort_by_key(|o| o.sv);
+        observations.dedup_by_key(|o| o.sv);
+        if !observations.is_empty() {
+            epochs.push(ObservationEpoch { receive_time, sample: sample as f64, observations });
+        }
+    }
+    epochs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex64;
+
+    const RATE: f64 = 2.6e6;
+    const QUALITY: Quality = Quality { cn0_dbhz: 45.0, code_sigma_m: 1.0, doppler_sigma_hz: 0.1 };
+
+    /// Epochs of a satellite whose code starts at `start` s and whose range shrinks by `speed` m/s.
+    fn epochs(start: f64, speed: f64, periods: std::ops::Range<u64>) -> Vec<Epoch> {
+        let scale = 1.0 - speed / SPEED_OF_LIGHT;
+        let doppler_hz = speed / crate::gnss::constants::L1_WAVELENGTH;
+        periods
+            .map(|period| {
+                let wait = period as f64 * CA_CODE_PERIOD * scale;
+                let (start_sample, carrier_cycles) = ((start + wait) * RATE, doppler_hz * wait);
+                Epoch { period, start_sample, carrier_cycles, doppler_hz, prompt: Complex64::ONE }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn pseudoranges_are_receive_time_less_transmit_time() {
+        let (start, speed, sent) = (0.4e-3, 600.0, 345_600.0);
+        let all = epochs(start, speed, 0..3000);
+        let mut log = TrackLog::new("G03".parse().unwrap());
+        // In pieces, as they come.
+        log.extend(&all[..777], &QUALITY, 260_000);
+        log.extend(&all[777..], &QUALITY, 260_000);
+        log.anchor(500, sent);
+        log.anchor(1000, sent + 0.5);
+        assert_eq!(log.anchors.len(), 1, "the second follows from the first");
+        let received = GpsTime::from_week_tow(2190, sent - 0.5 + 0.07 - start);
+        let epochs = observation_epochs(&[log], received, 260_000, RATE);
+        assert_eq!(epochs.len(), 29, "instants 1 to 29, the code starts after instant 0");
+        for epoch in &epochs {
+            let t = epoch.sample / RATE;
+            let o = &epoch.observations[0];
+            // Sent at sent - 0.5 s + (t - start) / scale.
+            let expected = (0.07
+                - (t - start) * speed / SPEED_OF_LIGHT / (1.0 - speed / SPEED_OF_LIGHT))
+                * SPEED_OF_LIGHT;
+            let CodeRange::Pseudorange(range) = o.range else { panic!("a full pseudorange") };
+            // A time of week in f64 has 6e-11 s (17 mm).
+            assert!((range - expected).abs() < 0.04, "{range} {expected}");
+            let cycles = speed / crate::gnss::constants::L1_WAVELENGTH * (t - start);
+            assert!((o.carrier_phase_cycles.unwrap() + cycles).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_track_taken_up_again_is_dated_by_the_one_before_and_shows_missing_samples() {
+        let mut before = TrackLog::new("G03".parse().unwrap());
+        before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, 260_000);
+        before.anchor(0, 1000.0);
+        // Eight seconds later, with 100 us of samples missing: everything comes earlier by that.
+        let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
+        let mut after = TrackLog::new(before.sv);
+        after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, 260_000);
+        let jump = after.continue_from(&before, RATE).unwrap();
+        assert!((jump + 100e-6).abs() < 1e-9, "{jump}");
+        assert!((after.tow_s(0, 0.0).unwrap() - 1009.0).abs() < 1e-9);
+    }
+}
