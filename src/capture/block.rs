@@ -74,6 +74,11 @@ impl Block {
         self.first_sample
     }
 
+    /// States the stream's index of the first sample.
+    pub fn set_first_sample(&mut self, first_sample: u64) {
+        self.first_sample = first_sample;
+    }
+
     /// The samples of one channel. Panics when there is no such channel.
     pub fn channel(&self, channel: usize) -> &[Complex32] {
         let len = self.len();

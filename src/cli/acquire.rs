@@ -28,15 +28,16 @@ pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
     let info = source.info().clone();
     let options = args.receive.options(&info);
     anyhow::ensure!(args.seconds > 0.0, "--seconds must be above 0");
-    let mut outcome = receiver::acquire(source.as_mut(), &options, args.seconds)?;
-    output::advise(&args.receive, &options, &mut outcome);
+    let record = receiver::acquire(source.as_mut(), &options, args.seconds)?;
     Printed {
         receive: &args.receive,
         info: &info,
         decimation: options.decimation,
-        outcome: &outcome,
+        record: &record,
+        interrupted: false,
+        advice: output::advise(&args.receive, &options, &record),
         options: receive::echo(&options),
     }
-    .print(args.json.as_deref(), false)?;
-    Ok(if outcome.acquisitions.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    .print(args.json.as_deref(), true, false)?;
+    Ok(if record.acquisitions.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }

@@ -108,9 +108,19 @@ impl Input {
         Ok(Some(scenario))
     }
 
-    /// Whether samples come from a pipe, which can be read only once.
-    pub fn is_standard_input(&self) -> bool {
-        self.captures.iter().any(|p| p.as_os_str() == "-")
+    /// Names of the captures, without their folders.
+    pub fn name(&self) -> String {
+        let name = |p: &PathBuf| p.file_name().unwrap_or(p.as_os_str()).display().to_string();
+        self.captures.iter().map(name).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Whether a capture is standard input, a pipe, a socket or a device: what cannot be read a second time.
+    pub fn is_stream(&self) -> bool {
+        let streams = |path: &PathBuf| {
+            let kind = std::fs::metadata(path).map(|m| m.file_type());
+            path.as_os_str() == "-" || kind.is_ok_and(|kind| !kind.is_file() && !kind.is_dir())
+        };
+        self.captures.iter().any(streams)
     }
 
     /// The library's options.

@@ -33,8 +33,8 @@ pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     let mut source = args.receive.input.open()?;
     let info = source.info().clone();
     let options = args.receive.options(&info);
-    let outcome = receiver::look(source.as_mut(), &options, args.seconds)?;
-    let sky = outcome.sky.as_ref();
+    let record = receiver::look(source.as_mut(), &options, args.seconds)?;
+    let sky = record.sky.as_ref();
     if let (Some(path), Some(sky)) = (&args.svg, sky) {
         write_atomically(path, arrival_plot(sky, &[])?.as_bytes())
             .with_context(|| format!("writing '{}'", path.display()))?;
@@ -43,10 +43,12 @@ pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
         receive: &args.receive,
         info: &info,
         decimation: options.decimation,
-        outcome: &outcome,
+        record: &record,
+        interrupted: false,
+        advice: Vec::new(),
         options: receive::echo(&options),
     }
-    .print(args.json.as_deref(), false)?;
+    .print(args.json.as_deref(), true, false)?;
     let seen = sky.is_some_and(|s| !s.satellites.is_empty() || s.sources() > 0);
-    Ok(if seen || !outcome.acquisitions.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if seen || !record.acquisitions.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }

@@ -1,67 +1,76 @@
 //! How `process` and `acquire` print and write what they found.
 
+use super::notices;
 use super::receive::Receive;
 use sdr_rx::acquisition::{Acquisition, Refined};
-use sdr_rx::advice::{self, Reading};
+use sdr_rx::advice::{self, Advice, Reading};
 use sdr_rx::capture::{self, StreamInfo};
-use sdr_rx::receiver::{Outcome, ReceiverOptions};
+use sdr_rx::receiver::{ReceiverOptions, Record};
 use sdr_rx::report::{self, OutputDir, Run};
 use std::io::Write;
 use std::path::Path;
 
-/// An outcome with the names that a person gave things.
+/// A record with the names that a person gave things.
 pub struct Printed<'a> {
     pub receive: &'a Receive,
     pub info: &'a StreamInfo,
     pub decimation: usize,
-    pub outcome: &'a Outcome,
+    pub record: &'a Record,
+    /// Whether the stream was ended before its end.
+    pub interrupted: bool,
+    pub advice: Vec<Advice>,
     /// Options as they are echoed.
     pub options: serde_json::Value,
 }
 
 impl Printed<'_> {
-    /// The JSON object to `json`, or the tables to standard output; warnings to standard error.
-    pub fn print(&self, json: Option<&Path>, fixes: bool) -> anyhow::Result<()> {
-        self.with_run(|run| emit(run, json, tables(run, self.outcome, fixes)))
+    /// The JSON object to `json`, or the tables to standard output where they are wanted; warnings to standard
+    /// error.
+    pub fn print(&self, json: Option<&Path>, shown: bool, fixes: bool) -> anyhow::Result<()> {
+        let tables = |run: &Run| if shown { tables(run, fixes) } else { String::new() };
+        self.with_run(|run| emit(run, json, tables(run)))
     }
 
     /// All reports into a folder.
-    pub fn write_files(&self, folder: &Path, page: bool) -> anyhow::Result<()> {
+    pub fn write_files(&self, folder: &OutputDir, page: bool) -> anyhow::Result<()> {
         self.with_run(|run| {
-            report::write_all(run, &OutputDir::create(folder)?, page)?;
+            report::write_all(run, folder, page)?;
             Ok(())
         })
     }
 
+    /// Samples at the receiver's rate: those that were promised, or of an endless stream those that came.
+    fn samples(&self) -> Option<u64> {
+        let promised = self.info.samples.map(|n| n / self.decimation as u64);
+        promised.filter(|_| !self.interrupted).or(Some(self.record.samples))
+    }
+
     fn with_run<T>(&self, then: impl FnOnce(&Run) -> anyhow::Result<T>) -> anyhow::Result<T> {
-        let names: Vec<String> = self
-            .receive
-            .input
-            .captures
-            .iter()
-            .map(|p| p.file_name().unwrap_or(p.as_os_str()).display().to_string())
-            .collect();
         let acquisitions: Vec<Acquisition> =
-            self.outcome.acquisitions.iter().map(|r| r.acquisition).collect();
+            self.record.acquisitions.iter().map(|r| r.acquisition).collect();
         // Samples are counted at the receiver's rate, after decimation.
         let stream = StreamInfo {
             rate_hz: self.info.rate_hz / self.decimation as f64,
-            samples: self.info.samples.map(|n| n / self.decimation as u64),
+            samples: self.samples(),
             ..self.info.clone()
         };
+        let notices = self.record.notices.iter().map(notices::notice);
+        let warnings: Vec<String> =
+            notices.chain(self.advice.iter().map(notices::advice)).collect();
+        let reason = self.record.reason.as_ref().map(notices::reason);
         then(&Run {
-            capture: &names.join(" "),
+            capture: &self.receive.input.name(),
             input: report::Input::Samples(&stream),
             acquisitions: &acquisitions,
-            sky: self.outcome.sky.as_ref(),
-            sky_epochs: &self.outcome.sky_epochs,
-            epochs: &self.outcome.epochs,
-            fixes: &self.outcome.fixes,
-            navigation: &self.outcome.navigation,
-            noise: self.outcome.noise.as_ref(),
-            warnings: &self.outcome.warnings,
-            reason: self.outcome.reason.as_deref(),
-            first_fix_s: self.outcome.first_fix_s,
+            sky: self.record.sky.as_ref(),
+            sky_epochs: &self.record.sky_epochs,
+            epochs: &self.record.epochs,
+            fixes: &self.record.fixes,
+            navigation: &self.record.navigation,
+            noise: self.record.noise.as_ref(),
+            warnings: &warnings,
+            reason: reason.as_deref(),
+            first_fix_s: self.record.first_fix_s,
             reference: None,
             seed: self.receive.input.scenario()?.map(|scenario| scenario.seed),
             options: self.options.clone(),
@@ -85,7 +94,7 @@ pub fn emit(run: &Run, json: Option<&Path>, tables: String) -> anyhow::Result<()
     }
 }
 
-fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
+fn tables(run: &Run, fixes: bool) -> String {
     let mut text = report::acquisition_table(run.acquisitions);
     text += &report::noise_line(run);
     if let Some(sky) = run.sky {
@@ -96,7 +105,7 @@ fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
         text += "\n";
         text += &report::fix_table(run);
         let sky = report::sky(run);
-        if !outcome.fixes.is_empty() {
+        if !run.fixes.is_empty() {
             text += "\n";
             text += &report::sky_text(&sky);
         }
@@ -104,12 +113,12 @@ fn tables(run: &Run, outcome: &Outcome, fixes: bool) -> String {
     text
 }
 
-/// When next to nothing was found: tries how else the capture might be meant to be read, and says so.
-pub fn advise(receive: &Receive, options: &ReceiverOptions, outcome: &mut Outcome) {
+/// Where next to nothing was found in a file: what is probably wrong.
+pub fn advise(receive: &Receive, options: &ReceiverOptions, record: &Record) -> Vec<Advice> {
     let sound = |r: &&Refined| r.acquisition.cn0_dbhz >= advice::SOUND_DBHZ;
-    let found = outcome.acquisitions.iter().filter(sound).count();
-    if found >= advice::FEW || receive.input.is_standard_input() {
-        return;
+    let found = record.acquisitions.iter().filter(sound).count();
+    if found >= advice::FEW || receive.input.is_stream() {
+        return Vec::new();
     }
     let open = |reading: &Reading| {
         let mut open = receive.input.options();
@@ -117,5 +126,5 @@ pub fn advise(receive: &Receive, options: &ReceiverOptions, outcome: &mut Outcom
         reading.apply(&mut open);
         capture::open(&receive.input.captures, &open).ok()
     };
-    outcome.warnings.extend(advice::advise(&open, &options.search, found));
+    advice::advise(&open, &options.search, found)
 }

@@ -1,11 +1,16 @@
 //! `sdr-rx process`: from a capture to a position.
 
+use super::interrupt::{Interrupt, Interruptible};
+use super::live::Live;
 use super::output::{self, Printed};
 use super::receive::{self, Receive, Solve};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use sdr_rx::receiver;
-use std::path::PathBuf;
+use anyhow::{Context, ensure};
+use sdr_rx::capture::SampleSource;
+use sdr_rx::receiver::{Event, Receiver, Recorder, Task, drive};
+use sdr_rx::report::{OutputDir, write_check};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 /// From a capture to a position
 ///
@@ -25,45 +30,74 @@ pub struct Process {
     /// Add a page with plots, report.html, to --out
     #[arg(long, requires = "out", help_heading = "Output")]
     report: bool,
+    /// Print each fix as it is made [default: where the capture is a pipe, a socket or a device]
+    #[arg(long, help_heading = "Output")]
+    follow: bool,
+    /// Write events as they happen, as JSON Lines, to a file, or - for standard output
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    events: Option<PathBuf>,
 }
 
-/// Runs the receiver, prints and writes what it found. Exit code 1 when there is no fix.
+/// Runs the receiver, prints and writes what it found. Exit code 1 when there is no fix, 130 when Ctrl-C ended it.
 pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
-    let mut source = args.receive.input.open()?;
+    let source = args.receive.input.open()?;
     let info = source.info().clone();
     let mut options = args.receive.options(&info);
     args.solve.apply(&mut options)?;
-    let bar = bar(info.samples);
-    let step = options.decimation as u64;
-    let outcome =
-        receiver::process(source.as_mut(), &options, &mut |done| bar.set_position(done * step));
-    bar.finish_and_clear();
-    let mut outcome = outcome.map_err(anyhow::Error::from)?;
-    output::advise(&args.receive, &options, &mut outcome);
+    let to_stdout = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
+    let (json_out, events_out) = (to_stdout(&args.json), to_stdout(&args.events));
+    ensure!(!(json_out && events_out), "--json and --events cannot both go to standard output");
+    // Hours of signal are not to end in a folder that cannot be written.
+    let folder = args.out.as_ref().map(OutputDir::create).transpose()?;
+    folder.as_ref().map_or(Ok(()), OutputDir::check)?;
+    if let Some(path) = args.json.as_deref().filter(|_| !json_out) {
+        write_check(path)?;
+    }
+
+    let follow = args.follow || args.receive.input.is_stream();
+    let mut live = Live::new(&info, options.decimation, follow && !json_out && !events_out);
+    if let Some(path) = &args.events {
+        live.write_events(path, &args.receive.input.name())
+            .with_context(|| format!("writing events to '{}'", path.display()))?;
+    }
+    let live = Mutex::new(live);
+    let lock = || live.lock().unwrap_or_else(PoisonError::into_inner);
+
+    let interrupt = Interrupt::new().context("waiting for Ctrl-C")?;
+    let mut receiver = Receiver::new(&info, options.clone(), Task::Track)?;
+    let mut source = Interruptible::new(source, receiver.chunk(), interrupt.clone());
+    let mut recorder = Recorder::default();
+    let mut tell = |event: Event| {
+        recorder.take(&event);
+        lock().take(&event);
+    };
+    drive(&mut source, &mut receiver, &mut tell, &mut |done| lock().progress(done))?;
+    let end = receiver.finish(&mut tell)?;
+    let record = recorder.finish(end, &options, source.warnings());
+    live.into_inner().unwrap_or_else(PoisonError::into_inner).finish().context("writing events")?;
+
+    let interrupted = interrupt.pressed();
+    let advice = match interrupted {
+        true => Vec::new(),
+        false => output::advise(&args.receive, &options, &record),
+    };
     let printed = Printed {
         receive: &args.receive,
         info: &info,
         decimation: options.decimation,
-        outcome: &outcome,
+        record: &record,
+        interrupted,
+        advice,
         options: receive::echo(&options),
     };
-    if let Some(folder) = &args.out {
+    if let Some(folder) = &folder {
         printed.write_files(folder, args.report)?;
     }
-    printed.print(args.json.as_deref(), true)?;
-    Ok(if outcome.fixes.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
-}
-
-/// A progress bar on a terminal, nothing elsewhere.
-fn bar(samples: Option<u64>) -> ProgressBar {
-    let style = "{elapsed_precise} [{bar:40}] {percent} % {eta}";
-    let bar = match samples {
-        Some(n) => ProgressBar::with_draw_target(Some(n), ProgressDrawTarget::stderr_with_hz(5)),
-        None => ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(5)),
-    };
-    match ProgressStyle::with_template(style) {
-        Ok(style) if samples.is_some() => bar.with_style(style),
-        _ => bar,
-    }
+    printed.print(args.json.as_deref(), !events_out, true)?;
+    Ok(match (interrupted, record.fixes.is_empty()) {
+        (true, _) => ExitCode::from(130),
+        (false, true) => ExitCode::from(1),
+        (false, false) => ExitCode::SUCCESS,
+    })
 }

@@ -8,13 +8,12 @@ use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::array::{BeamKind, Engine, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
+use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::satellite::parse_sv_list;
-use sdr_rx::gnss::{NavigationData, Sv};
 use sdr_rx::position::SnapshotOptions;
 use sdr_rx::receiver::ReceiverOptions;
-use sdr_rx::tracking::TrackingOptions;
 use std::path::PathBuf;
 
 /// Where the receiver searches and how.
@@ -183,11 +182,7 @@ impl Receive {
                 max_windows: self.search_windows,
                 false_alarm: self.pfa,
             },
-            tracking: TrackingOptions::default(),
-            positioning: SnapshotOptions::default(),
-            navigation: NavigationData::default(),
             time: info.start_time,
-            interval_s: 1.0,
             array: self.array.clone().or(info.array.clone()),
             look: LookOptions {
                 sparse: SparseOptions { engine: self.engine.into(), ..SparseOptions::default() },
@@ -196,6 +191,7 @@ impl Receive {
             beams: self.beam.into(),
             suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
+            ..ReceiverOptions::default()
         }
     }
 }

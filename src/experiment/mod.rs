@@ -126,16 +126,16 @@ impl Cell {
         let options = self.options(navigation, scenario.start);
         let truths = [0.0, SECONDS / 2.0]
             .map(|at| source.truth_at((at * scenario.front_end.rate_hz) as u64));
-        let outcome = receiver::process(&mut source, &options, &mut |_| ())
+        let record = receiver::process(&mut source, &options, &mut |_| ())
             .map_err(|source| FrontEndError::Receiver { setting: self.name(), source })?;
         let [first, middle] = &truths;
         let measured = |k: usize| {
             let (truth, later) = (&first.satellites[k], &middle.satellites[k]);
-            let found = outcome.acquisitions.iter().find(|r| r.acquisition.sv == truth.sv)?;
+            let found = record.acquisitions.iter().find(|r| r.acquisition.sv == truth.sv)?;
             let code = CA_CODE_LENGTH as f64;
             let chips = found.acquisition.code_phase_chips - truth.code_phase_chips;
             let chips = (chips + code / 2.0).rem_euclid(code) - code / 2.0;
-            let seen = outcome.sky.iter().flat_map(|s| &s.satellites).find(|s| s.sv == truth.sv);
+            let seen = record.sky.iter().flat_map(|s| &s.satellites).find(|s| s.sv == truth.sv);
             Some(Measured {
                 direction: seen.and_then(|s| s.predicted).map(|p| p.apart),
                 cn0_dbhz: found.acquisition.cn0_dbhz,
@@ -146,8 +146,8 @@ impl Cell {
         let is_there = |sv| first.satellites.iter().any(|s| s.sv == sv);
         Ok(Run {
             satellites: (0..first.satellites.len()).map(measured).collect(),
-            false_ones: outcome.acquisitions.iter().filter(|r| !is_there(r.acquisition.sv)).count(),
-            position_m: outcome.fixes.first().map(|fix| error_m(fix.position_m, middle)),
+            false_ones: record.acquisitions.iter().filter(|r| !is_there(r.acquisition.sv)).count(),
+            position_m: record.fixes.first().map(|fix| error_m(fix.position_m, middle)),
         })
     }
 

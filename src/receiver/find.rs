@@ -1,6 +1,6 @@
 //! Finding satellites in a stretch of samples: searched over all channels, then refined on a beam each.
 
-use super::input::CHUNK_S;
+use super::CHUNK_S;
 use super::spatial::head_covariance;
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, remove_shadows,

@@ -1,22 +1,116 @@
-//! The start of a stream, searched and refined.
+//! The start of a stream: gathered, searched and refined.
 
+use super::event::{Event, Notice};
 use super::find::{BeamFormer, Found, Region, search};
-use super::input::Head;
+use super::judge::share_noise;
 use super::sky::see;
+use super::stages::Stages;
 use super::survey::survey;
-use super::{Outcome, ReceiverError, ReceiverOptions};
+use super::{ReceiverError, ReceiverOptions, Tell};
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, SearchOptions, Slip, find_slip, is_mirrored,
+    Acquisition, AcquisitionError, Refined, SearchOptions, find_slip, is_mirrored,
 };
 use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
+use crate::capture::Block;
+use crate::correlator::SampleBuffer;
+
+/// Most samples that a head holds: of one channel, and of all together.
+const HEAD_SAMPLES: f64 = 8e6;
+const HEAD_SAMPLES_OF_ALL: f64 = 24e6;
+
+/// The start of a stream: what acquisition sees.
+pub(super) struct Head {
+    pub(super) block: Block,
+    /// The same samples as the correlators read them, by channel.
+    pub(super) buffers: Vec<SampleBuffer>,
+    /// Whether the elements share their noise, so that only one of them can be searched.
+    pub(super) shared_noise: bool,
+}
+
+impl Head {
+    /// Keeps the first `samples` of each channel.
+    pub(super) fn truncate(&mut self, samples: usize) {
+        self.block.truncate(samples.max(1));
+    }
+}
+
+/// A head that is being gathered.
+pub(super) struct Gathering {
+    want: usize,
+    /// The stages as they were before the first block, but for the removal of jammers.
+    plain: Stages,
+    /// Of an array the samples as they came, should the removal of jammers have been wrong.
+    raws: Vec<Block>,
+    blocks: Vec<Block>,
+    len: usize,
+}
+
+impl Gathering {
+    /// Of a head of so many seconds.
+    pub(super) fn new(seconds: f64, stages: &Stages) -> Self {
+        let most = HEAD_SAMPLES.min(HEAD_SAMPLES_OF_ALL / stages.info().channels as f64);
+        Self {
+            want: (seconds * stages.rate_hz()).min(most) as usize,
+            plain: stages.without_spatial(),
+            raws: Vec::new(),
+            blocks: Vec::new(),
+            len: 0,
+        }
+    }
+
+    /// Takes the next chunk of samples; says whether that is enough.
+    pub(super) fn take(&mut self, raw: &mut Block, stages: &mut Stages) -> bool {
+        let mut block = Block::default();
+        if raw.channels() > 1 {
+            self.raws.push(raw.clone());
+        }
+        stages.treat(raw, &mut block);
+        self.len += block.len();
+        self.blocks.push(block);
+        self.len >= self.want
+    }
+
+    /// The head. Where the elements have something strong in common that looked like a jammer, but is common
+    /// noise, it stays, in the samples to come too.
+    pub(super) fn finish(mut self, stages: &mut Stages, asked: &SearchOptions) -> Head {
+        let mut shared_noise = false;
+        if stages.interference().is_some() {
+            let mut plain = self.plain;
+            let treated = |raw: &mut Block| {
+                let mut block = Block::default();
+                plain.treat(raw, &mut block);
+                block
+            };
+            let untouched: Vec<Block> = self.raws.iter_mut().map(treated).collect();
+            shared_noise = share_noise(&untouched[0], &self.blocks[0], stages.rate_hz(), asked);
+            if shared_noise {
+                self.blocks = untouched;
+                *stages = plain;
+            }
+        }
+        let mut buffers = vec![SampleBuffer::default(); stages.info().channels];
+        for block in &self.blocks {
+            for (c, buffer) in buffers.iter_mut().enumerate() {
+                buffer.push(block.channel(c));
+            }
+        }
+        Head { block: Block::joined(&self.blocks), buffers, shared_noise }
+    }
+}
 
 /// With fewer satellites than this a deeper search follows.
 const ENOUGH_SATELLITES: usize = 8;
 
 /// Signal that a mirrored spectrum is looked for in, s.
 const MIRROR_S: f64 = 0.1;
-const MIRRORED: &str = "the spectrum is mirrored: code drifts and Dopplers disagree in sign; read it with --conjugate (or without, if it was given)";
+
+/// What the head shows.
+pub(super) struct HeadFound {
+    pub(super) found: Vec<Found>,
+    /// With an array.
+    pub(super) sky: Option<ArraySky>,
+}
 
 /// Searches the head, deeper where little is found, and refines over its first `refine` samples.
 pub(super) fn acquire_head(
@@ -25,8 +119,8 @@ pub(super) fn acquire_head(
     options: &ReceiverOptions,
     refine: u64,
     interference: Option<&Interference>,
-    outcome: &mut Outcome,
-) -> Result<Vec<Found>, ReceiverError> {
+    tell: &mut Tell,
+) -> Result<HeadFound, ReceiverError> {
     let whole_ms = (head.block.len() as f64 / rate_hz * 1e3 + 1e-6).floor() as usize;
     let mut asked = options.search.clone();
     asked.coherent_ms = asked.coherent_ms.min(whole_ms).max(1);
@@ -59,38 +153,28 @@ pub(super) fn acquire_head(
     let mut found = region(short).refine_all(&cells, &asked);
     let refined: Vec<Refined> = found.iter().map(|f| f.refined).collect();
     if is_mirrored(&refined) {
-        outcome.warnings.push(MIRRORED.to_owned());
+        tell(Event::Notice(Notice::Mirrored));
     } else {
         let mut end = refine;
         if let Some(slip) = find_slip(head.block.channel(0), rate_hz, &cells) {
-            outcome.warnings.push(slip_warning(&slip, rate_hz));
+            tell(Event::Notice(Notice::Slip { slip, rate_hz }));
             end = end.min(slip.after);
         }
         found = region(end).refine_all(&cells, &asked);
     }
-    outcome.acquisitions = found.iter().map(|f| f.refined).collect();
-    if head.block.channels() > 1 {
+    tell(Event::Found(found.iter().map(|f| f.refined).collect()));
+    let sky = (head.block.channels() > 1).then(|| {
         let mut sky = ArraySky::default();
         if let Some(survey) = surveyed {
-            outcome.warnings.extend(survey.warnings);
+            survey.notices.into_iter().for_each(|notice| tell(Event::Notice(notice)));
             sky = survey.sky;
         }
-        outcome.sky = Some(see(sky, &found, rate_hz, interference, options));
-    }
-    Ok(found)
+        see(sky, &found, rate_hz, interference, options)
+    });
+    Ok(HeadFound { found, sky })
 }
 
 /// Windows of a deeper search: 16 of one channel, and with more channels half as many looks each.
 pub(super) fn deep_windows(channels: usize) -> usize {
     if channels == 1 { 16 } else { (32 / channels).max(2) }
-}
-
-fn slip_warning(slip: &Slip, rate_hz: f64) -> String {
-    format!(
-        "samples are missing or double: between {:.1} and {:.1} ms the code phases of all satellites jump by {:+.1} us ({:+.0} samples)",
-        slip.after as f64 / rate_hz * 1e3,
-        slip.before as f64 / rate_hz * 1e3,
-        slip.jump_s * 1e6,
-        slip.jump_s * rate_hz
-    )
 }

@@ -1,29 +1,43 @@
-//! The pipeline: the stages of the house in their order, from a source of samples to positions.
+//! The receiver: samples stream in, block by block, and events stream out: satellites, messages, observations,
+//! positions. A file is a stream whose events go into a [`Recorder`].
 
+mod chunks;
+mod clock;
+mod event;
 mod find;
 mod head;
-mod input;
+mod judge;
+mod recorder;
+mod resolve;
 mod sky;
+mod snapshot;
 mod spatial;
+mod stages;
 mod survey;
+mod track;
 mod tracker;
 
-use crate::acquisition::snapshot_epoch;
-use crate::acquisition::{AcquisitionError, Refined, SearchOptions};
+pub use event::{Event, NoFix, Notice};
+pub use recorder::{Record, Recorder};
+pub use resolve::Tracks;
+pub use snapshot::SnapshotHead;
+
+use crate::acquisition::{AcquisitionError, SearchOptions};
+use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, BeamKind, LookOptions, SkyEpoch};
-use crate::capture::{SampleSource, SourceError};
+use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::ArrayDescription;
-use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData};
-use crate::position::{Fix, PositioningError, SnapshotOptions, TimeSearch, solve_snapshot};
+use crate::position::SnapshotOptions;
 use crate::tracking::TrackingOptions;
+use chunks::Chunks;
 use find::{BeamFormer, Region};
-use head::acquire_head;
-use input::Input;
-use sky::{judge_sky, see};
+use head::{Gathering, Head, acquire_head};
+use sky::see;
+use stages::Stages;
 use survey::survey;
-use tracker::track_all;
+use tracker::Tracker;
 
 /// Signal that the first search and its refinement see, s.
 const HEAD_S: f64 = 1.0;
@@ -32,11 +46,11 @@ const HEAD_S: f64 = 1.0;
 /// 0.3 rad from its mean over it.
 const REFINE_S: f64 = 0.2;
 
+/// Samples processed at a time, s.
+const CHUNK_S: f64 = 0.1;
+
 /// Recordings shorter than this are snapshots: they hold no subframe.
 const SHORTEST_TRACK_S: f64 = 6.0;
-
-/// The reason for no fix where the search found nothing.
-const NOTHING_FOUND: &str = "no satellite was found";
 
 /// What a run is to do.
 #[derive(Clone, Debug)]
@@ -65,6 +79,8 @@ pub struct ReceiverOptions {
     pub suppression: Suppression,
     /// Integer factor by which the rate is lowered then.
     pub decimation: usize,
+    /// For how long measurements are kept, s: what [`Receiver::finish`] gives reaches back so far.
+    pub history_s: f64,
 }
 
 impl Default for ReceiverOptions {
@@ -82,6 +98,7 @@ impl Default for ReceiverOptions {
             beams: BeamKind::default(),
             suppression: Suppression::default(),
             decimation: 1,
+            history_s: 86_400.0,
         }
     }
 }
@@ -105,176 +122,357 @@ pub enum ReceiverError {
         /// Channels of the capture.
         channels: usize,
     },
+    /// A block is not of the stream.
+    #[error(
+        "a block has {found} channels, but the stream has {channels}: push blocks of one stream"
+    )]
+    Channels {
+        /// Channels of the block.
+        found: usize,
+        /// Channels of the stream.
+        channels: usize,
+    },
 }
 
-/// What a run found.
-#[derive(Clone, Debug, Default)]
-pub struct Outcome {
-    /// Satellites found at the start, refined over it, strongest first.
-    pub acquisitions: Vec<Refined>,
-    /// Measurements at the common instants, in order of time.
-    pub epochs: Vec<ObservationEpoch>,
-    /// Positions, in order of time.
-    pub fixes: Vec<Fix>,
-    /// Navigation data, known and decoded.
-    pub navigation: NavigationData,
-    /// Navigation data that came from the signals alone.
-    pub decoded: NavigationData,
-    /// Signal from the first sample on that the first fix needed, s.
-    pub first_fix_s: Option<f64>,
-    /// Samples read of each channel.
+/// Where events go.
+type Tell<'a> = dyn FnMut(Event) + Send + 'a;
+
+/// How far a run goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Task {
+    /// The satellites in the first seconds, refined over all of them.
+    Acquire {
+        /// Seconds of signal.
+        seconds: f64,
+    },
+    /// The sky as the samples of the first seconds show it without a search: sources and directions, signals in
+    /// the code periods, and the satellites that they turn out to be.
+    Look {
+        /// Seconds of signal.
+        seconds: f64,
+    },
+    /// Satellites found and followed to the end, positions as soon as there is enough for them.
+    Track,
+}
+
+/// A receiver that samples stream through, block by block, and that tells [`Event`]s while they do.
+///
+/// The events and what is left at the end do not depend on how the stream was cut into blocks, nor on the number of
+/// threads. Memory does not grow with the stream but for the measurements of the last
+/// [`history_s`](ReceiverOptions::history_s), some 0.1 kB for each satellite and instant.
+///
+/// ```
+/// use sdr_rx::capture::{Block, SampleSource};
+/// use sdr_rx::receiver::{Event, Receiver, ReceiverOptions, Task};
+/// use sdr_rx::scenario::{Scenario, ScenarioSource};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+/// let mut scenario = Scenario::read("signals/static_8sv.toml".as_ref())?;
+/// scenario.duration_s = 1.5;
+/// let mut source = ScenarioSource::new(&scenario)?;
+/// let mut receiver = Receiver::new(source.info(), ReceiverOptions::default(), Task::Track)?;
+/// let (mut block, mut satellites) = (Block::default(), 0);
+/// let mut tell = |event: Event| {
+///     if let Event::Found(found) = event {
+///         satellites = found.len();
+///     }
+/// };
+/// while source.read(&mut block, 26_000)? > 0 {
+///     receiver.push(&mut block, &mut tell)?;
+/// }
+/// receiver.finish(&mut tell)?;
+/// assert_eq!(satellites, 8);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Receiver {
+    options: ReceiverOptions,
+    task: Task,
+    info: StreamInfo,
+    stages: Stages,
+    chunks: Chunks,
+    state: State,
+    /// The next chunk, treated.
+    next: Block,
+    snapshot: Option<SnapshotHead>,
+    /// Samples of the head, at the receiver's rate.
+    head_samples: u64,
+}
+
+enum State {
+    Gathering(Gathering),
+    Tracking(Box<Tracker>),
+    Done,
+}
+
+/// What is left of a run when the stream has ended.
+#[derive(Debug)]
+pub struct End {
+    /// Samples a second at which the receiver worked.
+    pub rate_hz: f64,
+    /// Samples of each channel that were used, at that rate.
     pub samples: u64,
-    /// The satellites as an array sees them; absent with one channel.
-    pub sky: Option<ArraySky>,
-    /// The same while they are tracked, about once a second.
-    pub sky_epochs: Vec<SkyEpoch>,
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<ImpulseReport>,
-    /// What a person should know.
-    pub warnings: Vec<String>,
-    /// Why there is no fix, where there is none.
-    pub reason: Option<String>,
+    /// What the tracks measured, where there were any.
+    pub tracks: Option<Tracks>,
+    /// The start of the stream, where a snapshot can be made of it.
+    pub snapshot: Option<SnapshotHead>,
 }
 
-/// Acquisition alone: the satellites in the first `seconds` of a source, refined over all of them.
+impl Receiver {
+    /// A receiver of a stream.
+    ///
+    /// # Errors
+    /// When the array that the options describe is not that of the stream.
+    pub fn new(
+        info: &StreamInfo,
+        options: ReceiverOptions,
+        task: Task,
+    ) -> Result<Self, ReceiverError> {
+        let stages = Stages::new(info, &options)?;
+        let seconds = match task {
+            Task::Acquire { seconds } | Task::Look { seconds } => seconds,
+            Task::Track => HEAD_S,
+        };
+        Ok(Self {
+            task,
+            info: info.clone(),
+            chunks: Chunks::new((CHUNK_S * info.rate_hz).ceil() as usize),
+            state: State::Gathering(Gathering::new(seconds, &stages)),
+            stages,
+            next: Block::default(),
+            snapshot: None,
+            head_samples: 0,
+            options,
+        })
+    }
+
+    /// Samples of a block that is taken without a copy.
+    pub fn chunk(&self) -> usize {
+        self.chunks.size()
+    }
+
+    /// Samples of each channel taken so far, at the rate of the stream.
+    pub fn samples(&self) -> u64 {
+        self.chunks.position()
+    }
+
+    /// Whether more samples would change nothing.
+    pub fn is_done(&self) -> bool {
+        matches!(self.state, State::Done)
+    }
+
+    /// The options.
+    pub fn options(&self) -> &ReceiverOptions {
+        &self.options
+    }
+
+    /// Takes the next samples of the stream, of any number, and tells what came of them; up to 0.2 s of signal
+    /// later. The block may be exchanged for another. Cost: satellites are followed in parallel, one pass over the
+    /// samples each, beside the conditioning of the next chunk.
+    ///
+    /// # Errors
+    /// When the block has not the channels of the stream, or the search is impossible.
+    pub fn push(&mut self, block: &mut Block, tell: &mut Tell) -> Result<(), ReceiverError> {
+        let (found, channels) = (block.channels(), self.info.channels);
+        if found != channels && !block.is_empty() {
+            return Err(ReceiverError::Channels { found, channels });
+        }
+        let mut used = 0;
+        let len = block.len();
+        while used < len && !self.is_done() {
+            if self.chunks.take(block, &mut used) {
+                self.take_chunk(tell)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the stream: tells what is still to be told, and gives what the whole of it measured.
+    ///
+    /// # Errors
+    /// When the search of a stream that ends with its start is impossible.
+    pub fn finish(mut self, tell: &mut Tell) -> Result<End, ReceiverError> {
+        if self.chunks.rest() {
+            self.take_chunk(tell)?;
+        }
+        if matches!(self.state, State::Gathering(_)) {
+            self.begin(true, tell)?;
+        }
+        let mut end = End {
+            rate_hz: self.stages.rate_hz(),
+            samples: self.head_samples,
+            noise: self.stages.noise(),
+            tracks: None,
+            snapshot: self.snapshot,
+        };
+        if let State::Tracking(mut tracker) = self.state {
+            tracker.advance();
+            tracker.settle(self.stages.interference(), &self.options, tell)?;
+            end.tracks = Some(tracker.finish(tell));
+        }
+        Ok(end)
+    }
+
+    /// Takes the chunk that has been gathered.
+    fn take_chunk(&mut self, tell: &mut Tell) -> Result<(), ReceiverError> {
+        let (stages, next) = (&mut self.stages, &mut self.next);
+        let raw = self.chunks.chunk();
+        match &mut self.state {
+            State::Gathering(gathering) => {
+                if gathering.take(raw, stages) {
+                    let ends = self.info.samples == Some(self.chunks.position());
+                    self.begin(ends, tell)?;
+                }
+            }
+            State::Tracking(tracker) => {
+                // While the channels follow what is there, the next chunk is conditioned.
+                rayon::join(|| stages.treat(raw, next), || tracker.advance());
+                tracker.settle(stages.interference(), &self.options, tell)?;
+                if !next.is_empty() {
+                    tracker.take(next);
+                }
+            }
+            State::Done => (),
+        }
+        Ok(())
+    }
+
+    /// Searches the head, which may be all there is, and starts what the task asks for.
+    fn begin(&mut self, is_all: bool, tell: &mut Tell) -> Result<(), ReceiverError> {
+        let State::Gathering(gathering) = std::mem::replace(&mut self.state, State::Done) else {
+            return Ok(());
+        };
+        let mut head = gathering.finish(&mut self.stages, &self.options.search);
+        let (rate_hz, options) = (self.stages.rate_hz(), &self.options);
+        let interference = self.stages.interference();
+        if let Task::Acquire { seconds } | Task::Look { seconds } = self.task {
+            head.truncate((seconds * rate_hz).round() as usize);
+        }
+        let length = head.block.len() as u64;
+        self.head_samples = length;
+        let at_start =
+            |sky: Option<ArraySky>| sky.map(|sky| Event::Sky(SkyEpoch { sample: 0, sky }));
+        match self.task {
+            Task::Look { .. } if !head.shared_noise => {
+                let sky = look_at(&head, rate_hz, interference, options, tell)?;
+                at_start(Some(sky)).into_iter().for_each(tell);
+            }
+            Task::Acquire { .. } | Task::Look { .. } => {
+                let shown = acquire_head(&head, rate_hz, options, length, interference, tell)?;
+                at_start(shown.sky).into_iter().for_each(tell);
+            }
+            Task::Track => {
+                let samples = length.min((REFINE_S * rate_hz) as u64);
+                let shown = acquire_head(&head, rate_hz, options, samples, interference, tell)?;
+                at_start(shown.sky).into_iter().for_each(&mut *tell);
+                let known = self.stages.info().samples;
+                let is_all =
+                    is_all || known.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
+                self.snapshot = Some(SnapshotHead { samples, rate_hz, is_all });
+                if !is_all {
+                    let tracker =
+                        Tracker::new(head, &shown.found, interference, rate_hz, options, tell);
+                    self.state = State::Tracking(Box::new(tracker));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The sky that the samples show without a search.
+fn look_at(
+    head: &Head,
+    rate_hz: f64,
+    interference: Option<&Interference>,
+    options: &ReceiverOptions,
+    tell: &mut Tell,
+) -> Result<ArraySky, ReceiverError> {
+    let survey = survey(&head.block, rate_hz, interference, options)?;
+    let beams = &BeamFormer::new(options.beams, &head.block);
+    let (block, buffers) = (&head.block, &head.buffers[..]);
+    let region = Region { block, buffers, beams, rate_hz, start: 0, end: block.len() as u64 };
+    let found = region.refine_all(&survey.cells, &options.search);
+    tell(Event::Found(found.iter().map(|f| f.refined).collect()));
+    survey.notices.into_iter().for_each(|notice| tell(Event::Notice(notice)));
+    Ok(see(survey.sky, &found, rate_hz, interference, options))
+}
+
+/// Reads a source to its end, or as far as the task needs it, into a receiver; `progress` is told the samples taken
+/// after each chunk.
+///
+/// # Errors
+/// When the source fails, or those of [`Receiver::push`].
+pub fn drive(
+    source: &mut dyn SampleSource,
+    receiver: &mut Receiver,
+    tell: &mut Tell,
+    progress: &mut dyn FnMut(u64),
+) -> Result<(), ReceiverError> {
+    let chunk = receiver.chunk();
+    let (mut block, mut next) = (Block::default(), Block::default());
+    source.read(&mut block, chunk)?;
+    while !block.is_empty() && !receiver.is_done() {
+        // While the receiver works, the next chunk is read.
+        let (read, pushed) =
+            rayon::join(|| source.read(&mut next, chunk), || receiver.push(&mut block, tell));
+        pushed?;
+        progress(receiver.samples());
+        read?;
+        std::mem::swap(&mut block, &mut next);
+    }
+    Ok(())
+}
+
+/// A whole run with its record.
+fn run(
+    source: &mut dyn SampleSource,
+    options: &ReceiverOptions,
+    task: Task,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Record, ReceiverError> {
+    let mut receiver = Receiver::new(source.info(), options.clone(), task)?;
+    let mut recorder = Recorder::default();
+    let mut tell = |event: Event| recorder.take(&event);
+    drive(source, &mut receiver, &mut tell, progress)?;
+    let end = receiver.finish(&mut tell)?;
+    Ok(recorder.finish(end, options, source.warnings()))
+}
+
+/// [`Task::Acquire`] on a source.
+///
+/// # Errors
+/// Those of [`drive`].
 pub fn acquire(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
     seconds: f64,
-) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options)?;
-    let mut head = input.head(seconds, &options.search)?;
-    let wanted = (seconds * input.rate_hz()).round() as usize;
-    head.truncate(wanted);
-    let mut outcome = Outcome { samples: head.block.len() as u64, ..Outcome::default() };
-    acquire_head(
-        &head,
-        input.rate_hz(),
-        options,
-        outcome.samples,
-        input.interference(),
-        &mut outcome,
-    )?;
-    outcome.noise = input.noise();
-    judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
-    Ok(outcome)
+) -> Result<Record, ReceiverError> {
+    run(source, options, Task::Acquire { seconds }, &mut |_| ())
 }
 
-/// The sky as the samples of the first `seconds` show it without a search: sources and directions, signals in
-/// the code periods, and the satellites that they turn out to be.
+/// [`Task::Look`] on a source.
+///
+/// # Errors
+/// Those of [`drive`].
 pub fn look(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
     seconds: f64,
-) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options)?;
-    let mut head = input.head(seconds, &options.search)?;
-    let rate_hz = input.rate_hz();
-    head.truncate((seconds * rate_hz).round() as usize);
-    let end = head.block.len() as u64;
-    let mut outcome = Outcome { samples: end, ..Outcome::default() };
-    if head.shared_noise {
-        acquire_head(&head, rate_hz, options, end, None, &mut outcome)?;
-    } else {
-        let survey = survey(&head.block, rate_hz, input.interference(), options)?;
-        let beams = &BeamFormer::new(options.beams, &head.block);
-        let (block, buffers) = (&head.block, &head.buffers[..]);
-        let region = Region { block, buffers, beams, rate_hz, start: 0, end };
-        let found = region.refine_all(&survey.cells, &options.search);
-        outcome.acquisitions = found.iter().map(|f| f.refined).collect();
-        outcome.warnings = survey.warnings;
-        outcome.sky = Some(see(survey.sky, &found, rate_hz, input.interference(), options));
-    }
-    outcome.noise = input.noise();
-    judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
-    Ok(outcome)
+) -> Result<Record, ReceiverError> {
+    run(source, options, Task::Look { seconds }, &mut |_| ())
 }
 
-/// The whole receiver. `progress` is told the samples done after each chunk.
+/// [`Task::Track`] on a source. `progress` is told the samples done after each chunk.
+///
+/// # Errors
+/// Those of [`drive`].
 pub fn process(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
-    progress: &mut (dyn FnMut(u64) + Send),
-) -> Result<Outcome, ReceiverError> {
-    let mut input = Input::new(source, options)?;
-    let rate_hz = input.rate_hz();
-    let head = input.head(HEAD_S, &options.search)?;
-    let mut outcome = Outcome { navigation: options.navigation.clone(), ..Outcome::default() };
-    let length = head.block.len() as u64;
-    let refine = length.min((REFINE_S * rate_hz) as u64);
-    let found = acquire_head(&head, rate_hz, options, refine, input.interference(), &mut outcome)?;
-    let is_snapshot = head.is_all
-        || input.info().samples.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
-    if is_snapshot {
-        outcome.samples = length;
-        solve_head(refine, rate_hz, options, &mut outcome);
-    } else {
-        track_all(&mut input, head, found, options, &mut outcome, progress)?;
-        if outcome.fixes.is_empty() && !options.navigation.is_empty() {
-            // No message could be read, but the start of the recording is a snapshot all the same.
-            solve_head(refine, rate_hz, options, &mut outcome);
-        }
-    }
-    outcome.noise = input.noise();
-    judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
-    Ok(outcome)
-}
-
-/// The fix of a snapshot.
-fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &mut Outcome) {
-    let found = outcome.acquisitions.len();
-    let reason = match found {
-        0 => Some(NOTHING_FOUND.to_owned()),
-        _ if options.navigation.is_empty() => Some(format!(
-            "{found} satellites, but the recording is too short for their navigation message: give --nav FILE, and --time T if it is known to some hours or better, for a snapshot fix"
-        )),
-        _ => {
-            // Without a time any instant serves as the origin of the search.
-            let origin = options.navigation.iter().next().map(|e| e.toe);
-            let time = options.time.or(origin).unwrap_or(GpsTime::from_week_tow(0, 0.0));
-            let mut epoch = snapshot_epoch(&outcome.acquisitions, time, samples, rate_hz);
-            let mut positioning = options.positioning;
-            if options.time.is_none() {
-                positioning.time_uncertainty_s = f64::INFINITY;
-            }
-            let solved = solve_snapshot(&epoch, &options.navigation, &positioning);
-            if let (None, Ok(fix)) = (options.time, &solved) {
-                epoch.receive_time = fix.time;
-            }
-            if options.time.is_some() || solved.is_ok() {
-                outcome.epochs.push(epoch);
-            }
-            match solved {
-                Ok(fix) => {
-                    // Without a time the clock has no reading that could be off.
-                    let clock_bias_s = options.time.map_or(0.0, |_| fix.clock_bias_s);
-                    outcome.warnings.extend(fix.time_search.and_then(|s| left_out(&s)));
-                    outcome.first_fix_s = Some(samples as f64 / rate_hz);
-                    outcome.fixes.push(Fix { clock_bias_s, ..fix });
-                    None
-                }
-                Err(error @ PositioningError::Unexplained { .. }) => Some(format!(
-                    "{error}; a greater --time-uncertainty, such as 5h, searches further"
-                )),
-                Err(error @ PositioningError::TimeNotFound { .. }) => Some(format!(
-                    "{error}; --time narrows the search, --troposphere none suits signals simulated without one"
-                )),
-                Err(error) => Some(error.to_string()),
-            }
-        }
-    };
-    outcome.reason = reason;
-}
-
-/// What to say of the part of a window of time that was not searched.
-fn left_out(search: &TimeSearch) -> Option<String> {
-    let hours = search.left_out_s / 3600.0;
-    (hours.is_finite() && hours > 1.0 / 60.0).then(|| {
-        format!(
-            "{hours:.1} h of the time allowed were not searched, as too few ephemerides are in force then"
-        )
-    })
+    progress: &mut dyn FnMut(u64),
+) -> Result<Record, ReceiverError> {
+    run(source, options, Task::Track, progress)
 }

@@ -1,17 +1,18 @@
 //! What an array says of the satellites: where each comes from, at the start and at every fix, and whether it
 //! should.
 
+use super::ReceiverOptions;
+use super::event::Notice;
 use super::find::Found;
-use super::{Outcome, ReceiverOptions};
+use super::recorder::Record;
 use crate::array::sky::interference::Interference;
-use crate::array::sky::look::jammers;
-use crate::array::{ArraySky, Bearing, Jammer, Manifold, SkyEpoch};
+use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::gnss::Sv;
 use crate::gnss::antenna::direction;
 use crate::position::{Fix, Residual};
 use nalgebra::{Unit, Vector3};
 
-/// A sky in which something is suspect is told of when it stays so for this many looks, a second apart.
+/// A sky in which something is suspect is reported when it stays so for this many looks, a second apart.
 const CONFIRMING_LOOKS: usize = 3;
 
 /// The sky with the signatures of the satellites found.
@@ -37,37 +38,18 @@ pub(super) fn manifold(
     Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
 }
 
-/// What was removed, strongest first, in words.
-pub(super) fn removed(interference: &Interference, options: &ReceiverOptions) -> String {
-    let manifold = options.array.as_ref().map(|array| Manifold::new(array.in_enu()));
-    let one = |jammer: &Jammer| {
-        let from = match jammer.bearing {
-            None => String::new(),
-            Some(Bearing::Cone(angle)) => format!(" from {:.1} deg", angle.to_degrees()),
-            Some(Bearing::Direction { azimuth, elevation }) => format!(
-                " from azimuth {:.0}, elevation {:.0} deg",
-                azimuth.to_degrees(),
-                elevation.to_degrees()
-            ),
-        };
-        format!("a jammer {:.1} dB over the noise{from}", jammer.power_db)
-    };
-    let all: Vec<String> = jammers(interference, manifold.as_ref()).iter().map(one).collect();
-    format!("{} had to be removed", all.join(" and "))
-}
-
 /// Compares the array's sky at the start with the first fix, and that of each later look with the fix nearest
 /// in time; warns of what is suspect from the start, or from when on.
-pub(super) fn judge_sky(outcome: &mut Outcome, rate_hz: f64, options: &ReceiverOptions) {
-    let Some(sky) = &mut outcome.sky else { return };
+pub(super) fn judge_sky(record: &mut Record, rate_hz: f64, options: &ReceiverOptions) {
+    let Some(sky) = &mut record.sky else { return };
     if let Some(array) = &options.array {
         let manifold = Manifold::new(array.in_enu());
-        if let Some(fix) = outcome.fixes.first() {
+        if let Some(fix) = record.fixes.first() {
             sky.predict(&manifold, &towards(fix));
         }
-        for SkyEpoch { sample, sky } in &mut outcome.sky_epochs {
+        for SkyEpoch { sample, sky } in &mut record.sky_epochs {
             let apart = |fix: &&Fix| (fix.sample - *sample as f64).abs();
-            let nearest = outcome.fixes.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+            let nearest = record.fixes.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
             if let Some(fix) = nearest.filter(|fix| apart(fix) < rate_hz) {
                 sky.predict(&manifold, &towards(fix));
             }
@@ -75,17 +57,19 @@ pub(super) fn judge_sky(outcome: &mut Outcome, rate_hz: f64, options: &ReceiverO
     }
     let at_start = sky.warnings();
     if at_start.is_empty() {
-        let onset = outcome
+        let onset = record
             .sky_epochs
             .windows(CONFIRMING_LOOKS)
             .find(|looks| looks.iter().all(|look| !look.sky.warnings().is_empty()));
         for epoch in onset.iter().flat_map(|looks| looks.first()) {
             let since_s = epoch.sample as f64 / rate_hz;
-            let said = epoch.sky.warnings().into_iter();
-            outcome.warnings.extend(said.map(|w| format!("from {since_s:.0} s on {w}")));
+            let suspicions = epoch.sky.warnings().into_iter();
+            let notice = |suspicion| Notice::Sky { from_s: Some(since_s), suspicion };
+            record.notices.extend(suspicions.map(notice));
         }
     }
-    outcome.warnings.extend(at_start);
+    let notice = |suspicion| Notice::Sky { from_s: None, suspicion };
+    record.notices.extend(at_start.into_iter().map(notice));
 }
 
 /// Directions of a fix's satellites: east, north, up.

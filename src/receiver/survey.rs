@@ -1,7 +1,8 @@
 //! The first look at an array's samples: sources by their directions, and satellites by their code periods.
 
+use super::CHUNK_S;
 use super::ReceiverOptions;
-use super::input::CHUNK_S;
+use super::event::Notice;
 use crate::acquisition::{Acquisition, AcquisitionError};
 use crate::array::code_periods::{CodePeriodOptions, search_code_periods};
 use crate::array::sky::interference::Interference;
@@ -20,11 +21,11 @@ const MOST_ROWS: usize = 512;
 pub(super) struct Survey {
     pub(super) sky: ArraySky,
     pub(super) cells: Vec<Acquisition>,
-    pub(super) warnings: Vec<String>,
+    pub(super) notices: Vec<Notice>,
 }
 
-/// Surveys the start of a stream: route b (directions without codes) where the geometry is known, and route c
-/// (code periods) always.
+/// Surveys the start of a stream: directions without codes where the geometry is known, and signals by their code
+/// periods always.
 pub(super) fn survey(
     block: &Block,
     rate_hz: f64,
@@ -36,14 +37,14 @@ pub(super) fn survey(
         let len = block.len().min((seconds * rate_hz) as usize);
         (0..elements).map(|c| &block.channel(c)[..len]).collect()
     };
-    let mut survey = Survey { sky: ArraySky::default(), cells: Vec::new(), warnings: Vec::new() };
+    let mut survey = Survey { sky: ArraySky::default(), cells: Vec::new(), notices: Vec::new() };
     if let Some(array) = options.array.as_ref().filter(|_| elements > 1) {
         let manifold = Manifold::new(array.in_enu());
         match look(&first(CHUNK_S), &manifold, interference, &options.look) {
             Ok(picture) => survey.sky.picture = Some(picture),
             // Elements in one place, or a dead recording: the rest of the receiver does without.
             Err(error @ (LookError::Jane(_) | LookError::NoNoise | LookError::Sparse(_))) => {
-                survey.warnings.push(error.to_string());
+                survey.notices.push(Notice::NoDirections(error.to_string()));
             }
         }
     }

@@ -47,6 +47,15 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     write().map_err(|source| ReportError::File { path: path.to_owned(), source })
 }
 
+/// Finds out whether a file can be written.
+///
+/// # Errors
+/// When it cannot.
+pub fn write_check(path: &Path) -> Result<(), ReportError> {
+    let found = temporary_beside(path);
+    found.map(|_| ()).map_err(|source| ReportError::File { path: path.to_owned(), source })
+}
+
 /// A folder that reports go to.
 #[derive(Clone, Debug)]
 pub struct OutputDir {
@@ -61,6 +70,14 @@ impl OutputDir {
             Ok(()) => Ok(Self { path }),
             Err(source) => Err(ReportError::Folder { path, source }),
         }
+    }
+
+    /// Finds out whether files can be written there.
+    ///
+    /// # Errors
+    /// When none can.
+    pub fn check(&self) -> Result<(), ReportError> {
+        write_check(&self.path.join("result.json"))
     }
 
     /// Writes one file into the folder and gives its path.

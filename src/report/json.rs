@@ -59,7 +59,7 @@ struct Stream {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct AcquisitionRecord {
+pub(super) struct AcquisitionRecord {
     sv: Sv,
     prn: u8,
     doppler_hz: f64,
@@ -72,7 +72,7 @@ struct AcquisitionRecord {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct FixRecord {
+pub(super) struct FixRecord {
     gps_week: i32,
     tow_s: f64,
     utc: String,
@@ -137,7 +137,7 @@ impl Document {
             sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             first_fix_s: run.first_fix_s,
-            fixes: run.fixes.iter().map(|fix| FixRecord::new(fix, run)).collect(),
+            fixes: run.fixes.iter().map(|f| FixRecord::new(f, directions(run, f.sample))).collect(),
             accuracy: run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),
@@ -170,7 +170,7 @@ impl Stream {
 }
 
 impl AcquisitionRecord {
-    fn new(a: &Acquisition) -> Self {
+    pub(super) fn new(a: &Acquisition) -> Self {
         let code_length = CA_CODE_LENGTH as f64;
         let chips_to_start = (code_length - a.code_phase_chips).rem_euclid(code_length);
         Self {
@@ -187,7 +187,7 @@ impl AcquisitionRecord {
 }
 
 impl FixRecord {
-    fn new(fix: &Fix, run: &Run) -> Self {
+    pub(super) fn new(fix: &Fix, directions: Vec<DirectionRecord>) -> Self {
         let place = Geodetic::from_ecef(&fix.position_m);
         let residuals = fix.residuals.iter().map(|r| ResidualRecord {
             sv: r.sv,
@@ -219,7 +219,7 @@ impl FixRecord {
             hdop: fix.hdop,
             vdop: fix.vdop,
             residuals: residuals.collect(),
-            directions: directions(run, fix.sample),
+            directions,
             alternatives_ecef_m: fix.alternatives_m.iter().map(|&place| place.into()).collect(),
             excluded: fix.excluded.clone(),
         }

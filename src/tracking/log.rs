@@ -16,13 +16,17 @@ pub struct TrackLog {
     /// Code periods whose time of transmission is known, s of week, in order of the period.
     anchors: Vec<(u64, f64)>,
     last: Option<Epoch>,
+    /// Whether nothing was ever measured.
+    is_empty: bool,
 }
 
 /// A track at one receive instant.
 #[derive(Clone, Copy, Debug)]
 struct Measurement {
-    /// Index of the instant.
-    instant: u64,
+    /// Sample at which it was measured.
+    sample: u64,
+    /// Whether it is the first of its track.
+    is_first: bool,
     /// Code period under way, and how much of it has passed.
     period: u64,
     fraction: f64,
@@ -34,34 +38,46 @@ struct Measurement {
 impl TrackLog {
     /// An empty log.
     pub fn new(sv: Sv) -> Self {
-        Self { sv, measurements: Vec::new(), anchors: Vec::new(), last: None }
+        Self { sv, measurements: Vec::new(), anchors: Vec::new(), last: None, is_empty: true }
     }
 
-    /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the instants,
-    /// which lie `spacing` samples apart from sample 0 on.
-    pub fn extend(&mut self, epochs: &[Epoch], quality: &Quality, spacing: u64) {
+    /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the receive
+    /// `instants` (samples, ascending).
+    pub fn extend(&mut self, epochs: &[Epoch], quality: &Quality, instants: &[u64]) {
         for &epoch in epochs {
-            if let Some(last) = self.last.replace(epoch) {
-                let first = (last.start_sample / spacing as f64).ceil() as u64;
-                let length = epoch.start_sample - last.start_sample;
-                for instant in first.. {
-                    let sample = (instant * spacing) as f64;
-                    if sample >= epoch.start_sample {
-                        break;
-                    }
-                    let fraction = (sample - last.start_sample) / length;
-                    self.measurements.push(Measurement {
-                        instant,
-                        period: last.period,
-                        fraction,
-                        carrier_cycles: last.carrier_cycles
-                            + fraction * (epoch.carrier_cycles - last.carrier_cycles),
-                        doppler_hz: last.doppler_hz,
-                        quality: *quality,
-                    });
+            let Some(last) = self.last.replace(epoch) else { continue };
+            let length = epoch.start_sample - last.start_sample;
+            let first = instants.partition_point(|&s| (s as f64) < last.start_sample);
+            for &sample in &instants[first..] {
+                if sample as f64 >= epoch.start_sample {
+                    break;
                 }
+                let fraction = (sample as f64 - last.start_sample) / length;
+                self.measurements.push(Measurement {
+                    sample,
+                    is_first: self.is_empty,
+                    period: last.period,
+                    fraction,
+                    carrier_cycles: last.carrier_cycles
+                        + fraction * (epoch.carrier_cycles - last.carrier_cycles),
+                    doppler_hz: last.doppler_hz,
+                    quality: *quality,
+                });
+                self.is_empty = false;
             }
         }
+    }
+
+    /// Sample up to which instants have been measured; 0 before the first code period.
+    pub fn reached(&self) -> f64 {
+        self.last.map_or(0.0, |epoch| epoch.start_sample)
+    }
+
+    /// Forgets measurements before a sample; says whether any are left.
+    pub fn discard_before(&mut self, sample: u64) -> bool {
+        let old = self.measurements.partition_point(|m| m.sample < sample);
+        self.measurements.drain(..old);
+        !self.measurements.is_empty()
     }
 
     /// States that code period `period` was sent at time of week `tow_s`. One that follows from what is
@@ -92,10 +108,10 @@ impl TrackLog {
         Some(expected - periods * CA_CODE_PERIOD)
     }
 
-    /// The instant and transmit time of week (s) of the earliest dated measurement.
+    /// The sample and transmit time of week (s) of the earliest dated measurement.
     pub fn first_dated(&self) -> Option<(u64, f64)> {
         let m = self.measurements.first()?;
-        Some((m.instant, self.tow_s(m.period, m.fraction)?))
+        Some((m.sample, self.tow_s(m.period, m.fraction)?))
     }
 
     /// Time of week of transmission, s, of a period and a fraction of one: by the latest anchor before it,
@@ -106,49 +122,55 @@ impl TrackLog {
         let periods = period as f64 - origin as f64;
         Some(tow + (periods + fraction) * CA_CODE_PERIOD)
     }
+
+    /// The dated measurement at a sample that was received at `receive_time` by the receiver's clock.
+    fn observation(&self, sample: u64, receive_time: GpsTime) -> Option<Observation> {
+        let k = self.measurements.binary_search_by_key(&sample, |m| m.sample).ok()?;
+        let m = &self.measurements[k];
+        let tow = self.tow_s(m.period, m.fraction)?;
+        let sent = receive_time.nearest_with_tow(tow.rem_euclid(604_800.0));
+        Some(Observation {
+            sv: self.sv,
+            range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
+            range_sigma_m: m.quality.code_sigma_m,
+            doppler_hz: m.doppler_hz,
+            doppler_sigma_hz: m.quality.doppler_sigma_hz,
+            carrier_phase_cycles: Some(-m.carrier_cycles),
+            lost_lock: m.is_first,
+            cn0_dbhz: m.quality.cn0_dbhz,
+        })
+    }
 }
 
-/// The dated measurements of all tracks as observations at the common instants, from the receive time
-/// `origin` of sample 0 by the receiver's clock. Instants with no dated measurement are left out.
+/// The dated measurements of all tracks at one sample; none where there are none. `origin` is the receive time of
+/// sample 0 by the receiver's clock. Of two logs of one satellite the first counts.
+pub fn observation_epoch<'a>(
+    logs: impl Iterator<Item = &'a TrackLog>,
+    sample: u64,
+    origin: GpsTime,
+    rate_hz: f64,
+) -> Option<ObservationEpoch> {
+    let receive_time = origin + sample as f64 / rate_hz;
+    let mut observations: Vec<Observation> =
+        logs.filter_map(|log| log.observation(sample, receive_time)).collect();
+    observations.sort_by_key(|o| o.sv);
+    observations.dedup_by_key(|o| o.sv);
+    let sample = sample as f64;
+    (!observations.is_empty()).then_some(ObservationEpoch { receive_time, sample, observations })
+}
+
+/// The dated measurements of all tracks at all samples that any measured, in order of time.
 pub fn observation_epochs(
     logs: &[TrackLog],
     origin: GpsTime,
-    spacing: u64,
     rate_hz: f64,
 ) -> Vec<ObservationEpoch> {
-    let last = logs.iter().filter_map(|l| l.measurements.last()).map(|m| m.instant).max();
-    let mut next = vec![0; logs.len()];
-    let mut epochs = Vec::new();
-    for instant in 0..=last.unwrap_or(0) {
-        let sample = instant * spacing;
-        let receive_time = origin + sample as f64 / rate_hz;
-        let mut observations = Vec::new();
-        for (log, next) in logs.iter().zip(&mut next) {
-            let Some(m) = log.measurements.get(*next).filter(|m| m.instant == instant) else {
-                continue;
-            };
-            let lost_lock = *next == 0;
-            *next += 1;
-            let Some(tow) = log.tow_s(m.period, m.fraction) else { continue };
-            let sent = receive_time.nearest_with_tow(tow.rem_euclid(604_800.0));
-            observations.push(Observation {
-                sv: log.sv,
-                range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
-                range_sigma_m: m.quality.code_sigma_m,
-                doppler_hz: m.doppler_hz,
-                doppler_sigma_hz: m.quality.doppler_sigma_hz,
-                carrier_phase_cycles: Some(-m.carrier_cycles),
-                lost_lock,
-                cn0_dbhz: m.quality.cn0_dbhz,
-            });
-        }
-        observations.sort_by_key(|o| o.sv);
-        observations.dedup_by_key(|o| o.sv);
-        if !observations.is_empty() {
-            epochs.push(ObservationEpoch { receive_time, sample: sample as f64, observations });
-        }
-    }
-    epochs
+    let mut samples: Vec<u64> =
+        logs.iter().flat_map(|log| log.measurements.iter().map(|m| m.sample)).collect();
+    samples.sort_unstable();
+    samples.dedup();
+    let epoch = |sample| observation_epoch(logs.iter(), sample, origin, rate_hz);
+    samples.into_iter().filter_map(epoch).collect()
 }
 
 #[cfg(test)]
@@ -158,6 +180,11 @@ mod tests {
 
     const RATE: f64 = 2.6e6;
     const QUALITY: Quality = Quality { cn0_dbhz: 45.0, code_sigma_m: 1.0, doppler_sigma_hz: 0.1 };
+
+    /// Every 0.1 s.
+    fn instants() -> Vec<u64> {
+        (0..200).map(|k| k * 260_000).collect()
+    }
 
     /// Epochs of a satellite whose code starts at `start` s and whose range shrinks by `speed` m/s.
     fn epochs(start: f64, speed: f64, periods: std::ops::Range<u64>) -> Vec<Epoch> {
@@ -178,13 +205,13 @@ mod tests {
         let all = epochs(start, speed, 0..3000);
         let mut log = TrackLog::new("G03".parse().unwrap());
         // In pieces, as they come.
-        log.extend(&all[..777], &QUALITY, 260_000);
-        log.extend(&all[777..], &QUALITY, 260_000);
+        log.extend(&all[..777], &QUALITY, &instants());
+        log.extend(&all[777..], &QUALITY, &instants());
         log.anchor(500, sent);
         log.anchor(1000, sent + 0.5);
         assert_eq!(log.anchors.len(), 1, "the second follows from the first");
         let received = GpsTime::from_week_tow(2190, sent - 0.5 + 0.07 - start);
-        let epochs = observation_epochs(&[log], received, 260_000, RATE);
+        let epochs = observation_epochs(&[log], received, RATE);
         assert_eq!(epochs.len(), 29, "instants 1 to 29, the code starts after instant 0");
         for epoch in &epochs {
             let t = epoch.sample / RATE;
@@ -204,12 +231,12 @@ mod tests {
     #[test]
     fn a_track_taken_up_again_is_dated_by_the_one_before_and_shows_missing_samples() {
         let mut before = TrackLog::new("G03".parse().unwrap());
-        before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, 260_000);
+        before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, &instants());
         before.anchor(0, 1000.0);
         // Eight seconds later, with 100 us of samples missing: everything comes earlier by that.
         let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
         let mut after = TrackLog::new(before.sv);
-        after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, 260_000);
+        after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, &instants());
         let jump = after.continue_from(&before, RATE).unwrap();
         assert!((jump + 100e-6).abs() < 1e-9, "{jump}");
         assert!((after.tow_s(0, 0.0).unwrap() - 1009.0).abs() < 1e-9);

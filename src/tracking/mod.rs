@@ -15,4 +15,4 @@ mod loop_filter;
 pub use bit_sync::Bit;
 pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};
 pub use lock::LockState;
-pub use log::{TrackLog, observation_epochs};
+pub use log::{TrackLog, observation_epoch, observation_epochs};

@@ -181,14 +181,14 @@ fn late_jammer() -> Result<(), Failed> {
         ..ReceiverOptions::default()
     };
     let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
-    println!("{:?}, {} fixes", outcome.warnings, outcome.fixes.len());
+    println!("{:?}, {} fixes", outcome.notices, outcome.fixes.len());
     let told = |w: &String| w.contains("a jammer") && w.contains("from -50.");
     let last = outcome.epochs.last().map_or(0, |e| e.observations.len());
     let suspected = outcome.sky_epochs.iter().any(|e| !e.sky.warnings().is_empty());
-    if outcome.warnings.iter().any(told) && last == 5 && !suspected {
+    if outcome.notices.iter().map(ToString::to_string).any(|w| told(&w)) && last == 5 && !suspected {
         Ok(())
     } else {
-        Err(format!("{:?}, {last} satellites at the end", outcome.warnings).into())
+        Err(format!("{:?}, {last} satellites at the end", outcome.notices).into())
     }
 }
 
@@ -217,9 +217,9 @@ fn takeover() -> Result<(), Failed> {
         let then = w.starts_with("from 4 s on") || w.starts_with("from 5 s on");
         then && w.contains("one direction")
     };
-    if outcome.warnings.iter().any(named) {
+    if outcome.notices.iter().map(ToString::to_string).any(|w| named(&w)) {
         Ok(())
     } else {
-        Err(format!("not named: {:?}", outcome.warnings).into())
+        Err(format!("not named: {:?}", outcome.notices).into())
     }
 }

@@ -6,7 +6,7 @@ use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::capture::{self, OpenOptions, SampleSource};
 use sdr_rx::front_end::Suppression;
-use sdr_rx::receiver::{self, Outcome, ReceiverOptions};
+use sdr_rx::receiver::{self, ReceiverOptions, Record};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::Path;
 
@@ -78,7 +78,7 @@ fn hidden(data: &Path) -> Result<(), Failed> {
 }
 
 /// The receiver's answer to `seconds` of a shipped scenario with impulses of this ratio.
-fn received(ratio: f64, seconds: f64) -> Result<(Outcome, Vector3<f64>), Failed> {
+fn received(ratio: f64, seconds: f64) -> Result<(Record, Vector3<f64>), Failed> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("signals/impulsive_8sv.toml");
     let mut scenario = Scenario::read(&path)?;
     scenario.duration_s = seconds;
@@ -92,7 +92,7 @@ fn received(ratio: f64, seconds: f64) -> Result<(Outcome, Vector3<f64>), Failed>
 }
 
 /// Mean C/N0 of all observations, dB-Hz.
-fn cn0_dbhz(outcome: &Outcome) -> f64 {
+fn cn0_dbhz(outcome: &Record) -> f64 {
     let all: Vec<f64> =
         outcome.epochs.iter().flat_map(|e| &e.observations).map(|o| o.cn0_dbhz).collect();
     all.iter().sum::<f64>() / all.len() as f64

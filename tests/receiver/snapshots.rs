@@ -9,7 +9,7 @@ use sdr_rx::gnss::GpsTime;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions};
-use sdr_rx::receiver::{self, Outcome, ReceiverOptions};
+use sdr_rx::receiver::{self, ReceiverOptions, Record};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {
@@ -37,7 +37,7 @@ pub fn snapshot(
     open: OpenOptions,
     start: GpsTime,
     off_s: f64,
-) -> Result<Outcome, Failed> {
+) -> Result<Record, Failed> {
     let open = OpenOptions { start_time: Some(start + off_s), ..open };
     let mut source = capture::open(&[data.join("captures").join(name)], &open)?;
     let options = ReceiverOptions {

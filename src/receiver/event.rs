@@ -1,0 +1,192 @@
+//! What a receiver tells while samples stream through it.
+
+use crate::acquisition::{Refined, Slip};
+use crate::array::{Bearing, Jammer, SkyEpoch};
+use crate::gnss::Sv;
+use crate::gnss::message::lnav::Update;
+use crate::gnss::observation::ObservationEpoch;
+use crate::position::{Fix, PositioningError};
+use crate::tracking::LockState;
+use std::fmt;
+
+/// What a receiver tells, as it happens. Samples are counted at the receiver's rate from the start of the stream.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// The satellites at the start, refined, strongest first.
+    Found(Vec<Refined>),
+    /// A track started ([`LockState::PullingIn`]), locked or was lost.
+    Lock {
+        /// The satellite.
+        sv: Sv,
+        /// Up to which sample the track had come.
+        sample: u64,
+        /// What became of it.
+        state: LockState,
+    },
+    /// Navigation data that a satellite's message completed.
+    Message {
+        /// The satellite that sent it.
+        sv: Sv,
+        /// Up to which sample its signal had been read.
+        sample: u64,
+        /// What is new.
+        update: Update,
+    },
+    /// The measurements of one instant, once time is known.
+    Observed(ObservationEpoch),
+    /// A position, by the navigation data known so far.
+    Fix(Fix),
+    /// An instant that was measured and gave no position.
+    NoFix {
+        /// The instant.
+        sample: f64,
+        /// Why.
+        error: PositioningError,
+    },
+    /// What an array sees of the satellites, about once a second.
+    Sky(SkyEpoch),
+    /// Jammers that an array removes, strongest first, when there are more than before.
+    Interference {
+        /// Since when.
+        sample: u64,
+        /// Power and direction of each.
+        jammers: Vec<Jammer>,
+    },
+    /// What a person should know.
+    Notice(Notice),
+}
+
+/// What a person should know of a run.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Notice {
+    /// What the source of the samples says of them.
+    Source(String),
+    /// Code drifts and Dopplers disagree in sign.
+    Mirrored,
+    /// The code phases of all satellites jump within the first second.
+    Slip {
+        /// The jump.
+        slip: Slip,
+        /// Samples a second.
+        rate_hz: f64,
+    },
+    /// The code phases of several satellites jumped while their signals were away.
+    Jump {
+        /// Before when, s from the first sample.
+        before_s: f64,
+        /// How many satellites agree.
+        satellites: usize,
+        /// By how much, s.
+        jump_s: f64,
+    },
+    /// Directions cannot be had.
+    NoDirections(String),
+    /// Jammers were removed, from this time on.
+    Interference {
+        /// Seconds from the first sample.
+        from_s: f64,
+        /// Strongest first.
+        jammers: Vec<Jammer>,
+    },
+    /// A part of the time that a snapshot's fix was to be searched in was left out, h.
+    TimeLeftOut(f64),
+    /// Something about the directions of the satellites is suspect: from the start, or from a time on (s).
+    Sky {
+        /// Since when.
+        from_s: Option<f64>,
+        /// What.
+        suspicion: String,
+    },
+}
+
+/// Why a run gave no fix.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum NoFix {
+    /// No satellite was found.
+    NothingFound,
+    /// A snapshot whose satellites have no known orbits.
+    NoOrbits {
+        /// Satellites found.
+        found: usize,
+    },
+    /// The stream ended before four satellites' messages told time and orbits.
+    NotDated {
+        /// Satellites tracked.
+        found: usize,
+        /// Of which so many gave a subframe.
+        dated: usize,
+    },
+    /// No instant has four dated satellites.
+    TooFew,
+    /// The position solution of the last instant, or of the snapshot.
+    Solution(PositioningError),
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Source(text) | Self::NoDirections(text) => f.write_str(text),
+            Self::Mirrored => {
+                f.write_str("the spectrum is mirrored: code drifts and Dopplers disagree in sign")
+            }
+            Self::Slip { slip, rate_hz } => write!(
+                f,
+                "samples are missing or double: between {:.1} and {:.1} ms the code phases of all satellites jump by {:+.1} us ({:+.0} samples)",
+                slip.after as f64 / rate_hz * 1e3,
+                slip.before as f64 / rate_hz * 1e3,
+                slip.jump_s * 1e6,
+                slip.jump_s * rate_hz
+            ),
+            Self::Jump { before_s, satellites, jump_s } => write!(
+                f,
+                "samples are missing or double: before {before_s:.1} s the code phases of {satellites} satellites jumped by {:+.1} us",
+                jump_s * 1e6
+            ),
+            Self::Interference { from_s, jammers } => {
+                let all: Vec<String> = jammers.iter().map(jammer).collect();
+                write!(f, "from {from_s:.0} s on {} had to be removed", all.join(" and "))
+            }
+            Self::TimeLeftOut(hours) => write!(
+                f,
+                "{hours:.1} h of the time allowed were not searched, as too few ephemerides are in force then"
+            ),
+            Self::Sky { from_s: None, suspicion } => f.write_str(suspicion),
+            Self::Sky { from_s: Some(from_s), suspicion } => {
+                write!(f, "from {from_s:.0} s on {suspicion}")
+            }
+        }
+    }
+}
+
+fn jammer(jammer: &Jammer) -> String {
+    let from = match jammer.bearing {
+        None => String::new(),
+        Some(Bearing::Cone(angle)) => format!(" from {:.1} deg", angle.to_degrees()),
+        Some(Bearing::Direction { azimuth, elevation }) => format!(
+            " from azimuth {:.0}, elevation {:.0} deg",
+            azimuth.to_degrees(),
+            elevation.to_degrees()
+        ),
+    };
+    format!("a jammer {:.1} dB over the noise{from}", jammer.power_db)
+}
+
+impl fmt::Display for NoFix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NothingFound => f.write_str("no satellite was found"),
+            Self::NoOrbits { found } => write!(
+                f,
+                "{found} satellites, but the recording is too short for their navigation message"
+            ),
+            Self::NotDated { found, dated } => write!(
+                f,
+                "{found} satellites were tracked, {dated} gave a readable subframe: a fix needs 30 s of signal"
+            ),
+            Self::TooFew => f.write_str("no instant has four dated satellites"),
+            Self::Solution(error) => error.fmt(f),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The record of a whole run: a consumer of the receiver's events.
+
+use super::event::{Event, NoFix, Notice};
+use super::resolve::Resolved;
+use super::sky::judge_sky;
+use super::snapshot::solve_snapshot_head;
+use super::{End, ReceiverOptions};
+use crate::acquisition::Refined;
+use crate::array::{ArraySky, SkyEpoch};
+use crate::front_end::ImpulseReport;
+use crate::gnss::NavigationData;
+use crate::gnss::observation::ObservationEpoch;
+use crate::position::Fix;
+
+/// What a run found.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Satellites found at the start, refined over it, strongest first.
+    pub acquisitions: Vec<Refined>,
+    /// Measurements at the common instants, in order of time.
+    pub epochs: Vec<ObservationEpoch>,
+    /// Positions, in order of time.
+    pub fixes: Vec<Fix>,
+    /// Navigation data, known and decoded.
+    pub navigation: NavigationData,
+    /// Navigation data that came from the signals alone.
+    pub decoded: NavigationData,
+    /// Signal from the first sample on that the first fix needed, s.
+    pub first_fix_s: Option<f64>,
+    /// Samples of each channel, at the receiver's rate.
+    pub samples: u64,
+    /// The satellites as an array sees them; absent with one channel.
+    pub sky: Option<ArraySky>,
+    /// The same while they are tracked, about once a second.
+    pub sky_epochs: Vec<SkyEpoch>,
+    /// Impulsive noise, where some was found and suppressed.
+    pub noise: Option<ImpulseReport>,
+    /// What a person should know.
+    pub notices: Vec<Notice>,
+    /// Why there is no fix, where there is none.
+    pub reason: Option<NoFix>,
+}
+
+/// Gathers a [`Record`]. Fixes and observations as they were told are not kept: in the end all instants are solved
+/// once more, with the navigation data of the whole run.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    record: Record,
+}
+
+impl Recorder {
+    /// Takes what the receiver tells.
+    pub fn take(&mut self, event: &Event) {
+        let record = &mut self.record;
+        match event {
+            Event::Found(found) => record.acquisitions.clone_from(found),
+            Event::Sky(epoch) if record.sky.is_none() => record.sky = Some(epoch.sky.clone()),
+            Event::Sky(epoch) => record.sky_epochs.push(epoch.clone()),
+            Event::Notice(notice) => record.notices.push(notice.clone()),
+            _ => (),
+        }
+    }
+
+    /// The record, when the stream has ended. `sources`: what the source says of its samples.
+    pub fn finish(self, end: End, options: &ReceiverOptions, sources: Vec<String>) -> Record {
+        let mut record = self.record;
+        let found = record.acquisitions.len();
+        record.navigation = options.navigation.clone();
+        record.samples = end.samples;
+        record.noise = end.noise;
+        if let Some(tracks) = end.tracks {
+            record.samples = tracks.samples;
+            record.decoded = tracks.decoded.clone();
+            record.navigation.merge(tracks.decoded.clone());
+            let Resolved { epochs, fixes, reason } =
+                tracks.resolve(&record.navigation, found, options);
+            record.first_fix_s = tracks.ready_s.filter(|_| !fixes.is_empty());
+            (record.epochs, record.fixes, record.reason) = (epochs, fixes, reason);
+        }
+        let unread = record.fixes.is_empty() && !options.navigation.is_empty();
+        if let Some(snapshot) = end.snapshot.filter(|s| s.is_all || unread) {
+            // Where no message could be read, the start of the recording is a snapshot all the same.
+            let solved = solve_snapshot_head(&record.acquisitions, &snapshot, options);
+            record.epochs.extend(solved.epoch);
+            record.notices.extend(solved.notice);
+            match solved.fix {
+                Ok(fix) => {
+                    record.first_fix_s = Some(snapshot.samples as f64 / snapshot.rate_hz);
+                    record.fixes.push(fix);
+                    record.reason = None;
+                }
+                Err(reason) => record.reason = Some(reason),
+            }
+        }
+        judge_sky(&mut record, end.rate_hz, options);
+        record.notices.splice(0..0, sources.into_iter().map(Notice::Source));
+        record
+    }
+}

@@ -1,0 +1,87 @@
+//! All instants of a recording solved once more, with the navigation data of the whole of it.
+
+use super::ReceiverOptions;
+use super::event::NoFix;
+use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::{GpsTime, NavigationData};
+use crate::position::{Fix, PositioningError, solve_epoch};
+use crate::tracking::{TrackLog, observation_epochs};
+use rayon::prelude::*;
+
+/// Receive time of the first guess: flight time of the nearest satellite, s.
+const FLIGHT_S: f64 = 0.068;
+
+/// What all tracks of a stream measured, a few numbers for each satellite and instant.
+#[derive(Clone, Debug)]
+pub struct Tracks {
+    pub(super) logs: Vec<TrackLog>,
+    pub(super) rate_hz: f64,
+    pub(super) samples: u64,
+    pub(super) decoded: NavigationData,
+    /// Signal after which four satellites were dated and had ephemerides, s.
+    pub(super) ready_s: Option<f64>,
+}
+
+/// What came of them.
+pub(super) struct Resolved {
+    pub(super) epochs: Vec<ObservationEpoch>,
+    pub(super) fixes: Vec<Fix>,
+    /// Where there is no fix.
+    pub(super) reason: Option<NoFix>,
+}
+
+impl Tracks {
+    /// Observations and positions of all instants by `navigation`; `found` satellites were acquired.
+    pub(super) fn resolve(
+        &self,
+        navigation: &NavigationData,
+        found: usize,
+        options: &ReceiverOptions,
+    ) -> Resolved {
+        let logs: Vec<&TrackLog> = self.logs.iter().collect();
+        let Some(origin) = receive_origin(&logs, navigation, options.time, self.rate_hz) else {
+            let dated = logs.iter().filter(|l| l.is_dated()).count();
+            let reason = match found {
+                0 => NoFix::NothingFound,
+                found => NoFix::NotDated { found, dated },
+            };
+            return Resolved { epochs: Vec::new(), fixes: Vec::new(), reason: Some(reason) };
+        };
+        let epochs_from = |origin| observation_epochs(&self.logs, origin, self.rate_hz);
+        let solve = |epoch: &ObservationEpoch| {
+            solve_epoch(epoch, navigation, &options.positioning.positioning)
+        };
+        // The first solution tells the receiver's clock; times are then right to 0.1 us.
+        let first = epochs_from(origin).iter().find_map(|e| solve(e).ok());
+        let origin = first.map_or(origin, |fix| round_time(origin - fix.clock_bias_s));
+        let epochs = epochs_from(origin);
+        let solved: Vec<Result<Fix, PositioningError>> = epochs.par_iter().map(solve).collect();
+        let error = solved.iter().rev().find_map(|s| s.as_ref().err()).cloned();
+        let fixes: Vec<Fix> = solved.into_iter().filter_map(Result::ok).collect();
+        let reason = fixes.is_empty().then(|| error.map_or(NoFix::TooFew, NoFix::Solution));
+        Resolved { epochs, fixes, reason }
+    }
+}
+
+/// Receive time of sample 0, from the earliest instant that is dated: the satellites' time and a guess
+/// of the flight time. The week comes from the navigation data, or from `time`.
+pub(super) fn receive_origin(
+    logs: &[&TrackLog],
+    navigation: &NavigationData,
+    time: Option<GpsTime>,
+    rate_hz: f64,
+) -> Option<GpsTime> {
+    let week = time.or_else(|| navigation.iter().map(|e| e.toe).next())?;
+    let (sample, tow) = logs
+        .iter()
+        .filter_map(|log| log.first_dated())
+        .max_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)))?;
+    let received = week.nearest_with_tow(tow.rem_euclid(604_800.0)) + FLIGHT_S;
+    Some(received - sample as f64 / rate_hz)
+}
+
+/// To the 0.1 us that RINEX prints.
+pub(super) fn round_time(t: GpsTime) -> GpsTime {
+    let (_, fraction) = t.parts();
+    t + ((fraction * 1e7).round() / 1e7 - fraction)
+}

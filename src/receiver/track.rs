@@ -1,0 +1,151 @@
+//! One satellite being followed: its beam, its loops, its message, what it measured.
+
+use super::find::{BeamFormer, Found};
+use crate::array::code_periods::despread;
+use crate::array::{Beam, Signature};
+use crate::capture::Block;
+use crate::correlator::SampleBuffer;
+use crate::gnss::Sv;
+use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
+use crate::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
+use crate::tracking::{Bit, Channel, Epoch, LockState, TrackLog, TrackStart, TrackingOptions};
+use num_complex::Complex32;
+
+/// Variance (of a response of 1) up to which a beam follows a signature: C/N0 of some 22 dB-Hz in a chunk. What
+/// noise alone passes for has 0.3 and more, so that a beam stays where it was while its satellite is hidden.
+const CLEAR_SIGNATURE: f64 = 0.1;
+
+/// The beam to a satellite, and what comes out of it.
+struct BeamFeed {
+    beam: Beam,
+    samples: Vec<Complex32>,
+    buffer: SampleBuffer,
+}
+
+impl BeamFeed {
+    fn new(beam: Beam, first: &Block) -> Self {
+        let buffer = SampleBuffer::starting_at(first.first_sample());
+        let mut feed = Self { beam, samples: Vec::new(), buffer };
+        feed.push(first);
+        feed
+    }
+
+    fn push(&mut self, chunk: &Block) {
+        self.beam.form(chunk, &mut self.samples);
+        self.buffer.push(&self.samples);
+    }
+}
+
+/// One satellite being followed.
+pub(super) struct Track {
+    /// With an array; else the samples of the one channel are those of all.
+    feed: Option<BeamFeed>,
+    channel: Channel,
+    decoder: FrameDecoder,
+    pub(super) log: TrackLog,
+    epochs: Vec<Epoch>,
+    bits: Vec<Bit>,
+    /// What the channel said last of its lock.
+    told: LockState,
+}
+
+impl Track {
+    /// Starts at sample `start`; the samples from there on are in `held`.
+    pub(super) fn new(
+        found: &Found,
+        start: u64,
+        held: &Block,
+        rate_hz: f64,
+        options: &TrackingOptions,
+    ) -> Self {
+        let start = TrackStart::from_refined(&found.refined, start);
+        Self {
+            feed: found.spatial.as_ref().map(|(_, beam)| BeamFeed::new(beam.clone(), held)),
+            channel: Channel::new(&start, rate_hz, options.clone()),
+            decoder: FrameDecoder::new(),
+            log: TrackLog::new(start.acquisition.sv),
+            epochs: Vec::new(),
+            bits: Vec::new(),
+            told: LockState::PullingIn,
+        }
+    }
+
+    pub(super) fn sv(&self) -> Sv {
+        self.log.sv
+    }
+
+    pub(super) fn doppler_hz(&self) -> f64 {
+        self.channel.doppler_hz()
+    }
+
+    pub(super) fn is_lost(&self) -> bool {
+        self.channel.lock() == LockState::Lost
+    }
+
+    /// The state of lock where it is another than when last asked.
+    pub(super) fn changed_lock(&mut self) -> Option<LockState> {
+        let now = self.channel.lock();
+        (std::mem::replace(&mut self.told, now) != now).then_some(now)
+    }
+
+    /// Takes in the next samples of an array; those of one channel are shared.
+    pub(super) fn take(&mut self, chunk: &Block) {
+        if let Some(feed) = &mut self.feed
+            && feed.buffer.end() <= chunk.first_sample()
+        {
+            feed.push(chunk);
+        }
+    }
+
+    /// Follows the satellite through all samples held, of channel 0 in `buffer`, and measures it at the instants
+    /// among them.
+    pub(super) fn advance(&mut self, buffer: &SampleBuffer, instants: &[u64]) {
+        self.epochs.clear();
+        let buffer = match &mut self.feed {
+            Some(feed) => {
+                // What was processed before is needed no more but for the period that lay open.
+                feed.buffer.discard_before(buffer.first_sample());
+                &feed.buffer
+            }
+            None => buffer,
+        };
+        self.channel.process(buffer, &mut self.epochs, &mut self.bits);
+        self.log.extend(&self.epochs, &self.channel.quality(), instants);
+    }
+
+    /// Turns the beam to where the satellite is in the newest chunk, which has been tracked, and gives what the
+    /// elements see of it if that is clear. Cost: one pass over the chunk's channels.
+    pub(super) fn follow(
+        &mut self,
+        buffers: &[SampleBuffer],
+        beams: &BeamFormer,
+        rate_hz: f64,
+    ) -> Option<(Sv, Signature)> {
+        let is_locked = self.channel.lock() == LockState::Locked;
+        let feed = self.feed.as_mut().filter(|_| is_locked)?;
+        let (first, middle) = (self.epochs.first()?, self.epochs.get(self.epochs.len() / 2)?);
+        let start = (first.start_sample as u64).max(buffers[0].first_sample());
+        let code_rate = CA_CHIP_RATE * (1.0 + middle.doppler_hz / L1_HZ);
+        let chips = (start as f64 - first.start_sample) / rate_hz * code_rate;
+        let at = (middle.doppler_hz, chips.rem_euclid(CA_CODE_LENGTH as f64));
+        let span = (start, buffers[0].end());
+        let prompts = despread(buffers, rate_hz, span, at, self.channel.code_table());
+        let signature = Signature::estimate(&prompts).filter(|s| s.variance < CLEAR_SIGNATURE)?;
+        feed.beam = beams.beam(&signature);
+        Some((self.log.sv, signature))
+    }
+
+    /// Hands the new bits to the decoder, and what it gives to the collector; gives what is new.
+    pub(super) fn decode(&mut self, collector: &mut NavigationCollector) -> Vec<Update> {
+        let mut news = Vec::new();
+        for bit in self.bits.drain(..) {
+            let edge = bit.first_period % 20;
+            let Some(subframe) = self.decoder.push(bit.value, bit.first_period / 20) else {
+                continue;
+            };
+            self.log.anchor(subframe.start_index * 20 + edge, subframe.tow());
+            news.extend(collector.add(self.log.sv, &subframe));
+        }
+        news
+    }
+}
