@@ -2,8 +2,7 @@
 
 mod common;
 
-use common::data_trial;
-use libtest_mimic::{Arguments, Failed, Trial};
+use common::{Tested, data};
 use num_complex::Complex32;
 use proptest::prelude::*;
 use sdr_rx::capture::{
@@ -11,30 +10,7 @@ use sdr_rx::capture::{
     StreamInfo,
 };
 use sdr_rx::gnss::GpsTime;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    let plain = |name: &str, test: fn()| {
-        Trial::test(name, move || {
-            test();
-            Ok(())
-        })
-    };
-    let trials = vec![
-        data_trial("raw_captures_hold_what_their_bytes_say", raw_captures),
-        data_trial("jrc_metadata_pick_the_bits_of_l1_with_q_inverted", jrc),
-        data_trial("ifen_metadata_give_two_coherent_channels", ifen),
-        data_trial("four_interleaved_channels_come_apart", four_channels),
-        data_trial("standard_input_equals_the_file", standard_input),
-        plain("sigmf_gives_back_what_was_written", sigmf_round_trip),
-        plain("wav_gives_back_what_was_written", wav_round_trip),
-        plain("block_size_and_start_do_not_change_the_samples", block_size),
-        plain("planar_interleaved_and_one_file_per_channel_agree", layouts),
-        plain("an_unfinished_recording_leaves_no_file", unfinished),
-    ];
-    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
-}
+use std::path::PathBuf;
 
 fn open(inputs: &[PathBuf], options: OpenOptions) -> Box<dyn SampleSource> {
     capture::open(inputs, &options).unwrap_or_else(|e| panic!("{inputs:?}: {e}"))
@@ -80,7 +56,9 @@ fn sign(word: u32, bit: u32) -> f32 {
     1.0 - 2.0 * (word >> bit & 1) as f32
 }
 
-fn raw_captures(data: &Path) -> Result<(), Failed> {
+#[test]
+fn raw_captures_hold_what_their_bytes_say() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     type Twin = fn(&[u8]) -> Vec<Complex32>;
     let one_bit: Twin = |bytes| {
         let pairs = |b: &u8| {
@@ -132,7 +110,9 @@ fn raw_captures(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn jrc(data: &Path) -> Result<(), Failed> {
+#[test]
+fn jrc_metadata_pick_the_bits_of_l1_with_q_inverted() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let folder = data.join("captures");
     let file = folder.join("jrc_L1L2L5_5MHz_1bit.bin");
     let mut source = open(&[folder.join("jrc.sdrx"), file.clone()], OpenOptions::default());
@@ -152,7 +132,9 @@ fn jrc(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn ifen(data: &Path) -> Result<(), Failed> {
+#[test]
+fn ifen_metadata_give_two_coherent_channels() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let folder = data.join("captures");
     let files = [0, 1].map(|k| folder.join(format!("ifen_ant{k}_L1_20MHz_2bit.bin")));
     let inputs = [folder.join("ifen.smfx"), files[0].clone(), files[1].clone()];
@@ -181,7 +163,9 @@ fn ifen(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn four_channels(data: &Path) -> Result<(), Failed> {
+#[test]
+fn four_interleaved_channels_come_apart() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let path = data.join("captures/sim_array4_2MHz_0.5s_cs8.bin");
     let options = OpenOptions { channels: Some(4), ..raw("cs8", 2e6) };
     let mut source = open(std::slice::from_ref(&path), options);
@@ -194,7 +178,9 @@ fn four_channels(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn standard_input(data: &Path) -> Result<(), Failed> {
+#[test]
+fn standard_input_equals_the_file() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let path = data.join("captures/cttc_L1_4MHz_4ms_cf32.bin");
     let run = |input: &str, pipe: bool| {
         let mut command = assert_cmd::Command::cargo_bin("sdr-rx").unwrap();
@@ -240,7 +226,8 @@ fn block_of(samples: &[Complex32], channels: usize) -> Block {
     block
 }
 
-fn sigmf_round_trip() {
+#[test]
+fn sigmf_gives_back_what_was_written() {
     let number = prop_oneof![-200f32..200.0, -1e5f32..1e5];
     proptest!(config(), |(
         numbers in prop::collection::vec((number.clone(), number), 12..200),
@@ -284,7 +271,8 @@ fn sigmf_round_trip() {
     });
 }
 
-fn wav_round_trip() {
+#[test]
+fn wav_gives_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.wav");
     for (bits, kind) in [
@@ -331,7 +319,8 @@ fn wav_round_trip() {
     }
 }
 
-fn block_size() {
+#[test]
+fn block_size_and_start_do_not_change_the_samples() {
     proptest!(config(), |(
         bytes in prop::collection::vec(any::<u8>(), 48..400),
         format in prop::sample::select(vec!["b1", "b2", "rb2", "cs8", "cu8", "cs16", "rs16", "rs8"]),
@@ -361,7 +350,8 @@ fn block_size() {
     });
 }
 
-fn layouts() {
+#[test]
+fn planar_interleaved_and_one_file_per_channel_agree() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -385,7 +375,8 @@ fn layouts() {
     assert_eq!(read_all(open(&files, options).as_mut(), &[4]), expected);
 }
 
-fn unfinished() {
+#[test]
+fn an_unfinished_recording_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.sigmf-meta");
     let mut writer = SigmfWriter::create(&path, &info(1, false), Datatype::I8, "").unwrap();

@@ -1,21 +1,21 @@
 //! Route c on the capture of an independent simulator: 2 x 2 elements, 2 MHz, 45 dB-Hz, clean noise.
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
 use sdr_rx::capture::{self, Block, OpenOptions};
 use serde_json::Value;
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("independent simulator: satellites from the code periods of 20 ms", |d| {
-            shows(d, 20)
-        }),
-        data_trial("independent simulator: satellites from the code periods of 100 ms", |d| {
-            shows(d, 100)
-        }),
-    ]
+#[test]
+fn code_periods_of_20_ms_of_the_independent_simulator_show_its_satellites() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    shows(d, 20)
+}
+
+#[test]
+fn code_periods_of_100_ms_of_the_independent_simulator_show_its_satellites() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    shows(d, 100)
 }
 
 fn look(data: &Path, ms: usize) -> Result<CodePeriodLook, Failed> {
@@ -34,7 +34,7 @@ fn look(data: &Path, ms: usize) -> Result<CodePeriodLook, Failed> {
 }
 
 /// Every satellite above 5 degrees, at its code phase and Doppler, and none that is not there.
-fn shows(data: &Path, ms: usize) -> Result<(), Failed> {
+fn shows(data: &Path, ms: usize) -> Tested {
     let text = std::fs::read_to_string(data.join("captures/sim_array4_2MHz_0.5s_cs8.json"))?;
     let truth: Value = serde_json::from_str(&text)?;
     let truth = truth["satellites"].as_object().ok_or("the truth lists no satellites")?;

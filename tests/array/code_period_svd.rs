@@ -1,23 +1,21 @@
 //! Route c on simulated C/A codes in (0.1, 1, 50) noise, after the locally optimum map.
 
+use crate::common::{Failed, Tested};
 use crate::sky::{RATE_HZ, Sky, Truth};
-use libtest_mimic::{Failed, Trial};
 use rayon::prelude::*;
 use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
 use sdr_rx::capture::{Block, StreamInfo};
 use sdr_rx::front_end::{ImpulseSuppressor, Suppression};
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("8 elements, 20 ms, 42 dB-Hz: rank and satellites are 8", eight_elements),
-        Trial::test("4 elements and 20 ms, or 1 and 100 ms: all 8 satellites", fewer_elements),
-        Trial::test("code periods: noise alone gives nothing in 60 runs", || noise_alone(60)),
-        Trial::test("code periods: noise alone gives nothing in 500 runs (long)", || {
-            noise_alone(500)
-        })
-        .with_ignored_flag(true),
-        Trial::test("sensitivity of the code periods (long)", sensitivity).with_ignored_flag(true),
-    ]
+#[test]
+fn code_periods_of_noise_alone_give_nothing_in_60_runs() -> Tested {
+    noise_alone(60)
+}
+
+#[test]
+#[ignore = "long"]
+fn code_periods_of_noise_alone_give_nothing_in_500_runs() -> Tested {
+    noise_alone(500)
 }
 
 /// Impulses mapped.
@@ -78,7 +76,8 @@ fn all_eight(sky: Sky, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
     Ok(looks.into_iter().map(|l| l.0).collect())
 }
 
-fn eight_elements() -> Result<(), Failed> {
+#[test]
+fn eight_elements_and_20_ms_at_42_dbhz_show_a_rank_of_8_and_8_satellites() -> Tested {
     // Satellites of one direction whose Dopplers are equal modulo 1 kHz share an eigenvalue; these lie 0.15 and
     // more apart in sine, of which a beam is 0.25.
     for look in all_eight(Sky { scatter: 0.3, ..Sky::new(8, 20, 42.0, 0) }, 6)? {
@@ -100,7 +99,8 @@ fn eight_elements() -> Result<(), Failed> {
     Ok(())
 }
 
-fn fewer_elements() -> Result<(), Failed> {
+#[test]
+fn four_elements_and_20_ms_or_one_and_100_ms_show_all_8_satellites() -> Tested {
     for sky in [Sky::new(4, 20, 42.0, 10), Sky::new(1, 100, 42.0, 20)] {
         for look in all_eight(sky, 4)? {
             few_transforms(&look)?;
@@ -110,12 +110,12 @@ fn fewer_elements() -> Result<(), Failed> {
 }
 
 /// At most a fifth of the full search's.
-fn few_transforms(look: &CodePeriodLook) -> Result<(), Failed> {
+fn few_transforms(look: &CodePeriodLook) -> Tested {
     let (ours, full) = (look.transforms, look.full_search_transforms);
     if 5 * ours <= full { Ok(()) } else { Err(format!("{ours} transforms of {full}").into()) }
 }
 
-fn noise_alone(runs: u64) -> Result<(), Failed> {
+fn noise_alone(runs: u64) -> Tested {
     let alarms: Vec<_> = (0..runs)
         .into_par_iter()
         .map(|seed| {
@@ -131,7 +131,9 @@ fn noise_alone(runs: u64) -> Result<(), Failed> {
 }
 
 /// Prints the share of satellites found and the mean rank over C/N0.
-fn sensitivity() -> Result<(), Failed> {
+#[test]
+#[ignore = "long"]
+fn sensitivity_of_the_code_periods() -> Tested {
     for (elements, ms) in [(8, 20), (4, 20), (1, 100), (1, 20), (16, 20)] {
         for cn0 in [42.0, 50.0, 35.0, 37.0, 39.0] {
             let runs = 6;

@@ -1,8 +1,8 @@
 //! Jammers under impulsive noise: the order of section "removed, mapped, then a beam".
 
 use crate::code_period_svd::mapped;
+use crate::common::{Failed, Tested};
 use crate::sky::{Sky, Truth, response};
-use libtest_mimic::{Failed, Trial};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx::array::Beam;
@@ -10,10 +10,6 @@ use sdr_rx::array::covariance::covariance;
 use sdr_rx::array::sky::interference::Interference;
 use sdr_rx::capture::Block;
 use sdr_rx::gnss::prn_code::ca_code;
-
-pub fn trials() -> Vec<Trial> {
-    vec![Trial::test("jammers of 30 and 50 dB: 19 dB a millisecond after the beam", beams)]
-}
 
 const PERIOD: usize = 2048;
 
@@ -73,7 +69,8 @@ fn median_snr_db(sky: &Sky, runs: u64, jammers: usize) -> Result<f64, Failed> {
     Ok(ratios[ratios.len() / 2])
 }
 
-fn beams() -> Result<(), Failed> {
+#[test]
+fn under_jammers_of_30_and_50_db_a_beam_leaves_19_db_a_millisecond() -> Tested {
     let quiet = Sky { satellites: 6, ..Sky::new(8, 40, 42.0, 0) };
     let jammed = |jammer| Sky { jammer: Some(jammer), ..quiet.clone() };
     let sine = 17f64.to_radians().sin();

@@ -1,8 +1,8 @@
 //! Number and angles of the sources at real signal strengths, by routes b and c (long: a table is printed).
 
 use crate::code_period_svd::mapped;
+use crate::common::Tested;
 use crate::sky::{RATE_HZ, Sky, Truth};
-use libtest_mimic::{Failed, Trial};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use sdr_rx::array::code_periods::{CodePeriodOptions, search_code_periods};
@@ -12,13 +12,6 @@ use sdr_rx::array::{
     row_rule, solve,
 };
 use sdr_rx::gnss::antenna::AntennaArray;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("routes b and c: number and angles, M = 16, 20 ms, 45 dB-Hz", one_setting),
-        Trial::test("routes b and c: number and angles (long)", table).with_ignored_flag(true),
-    ]
-}
 
 /// What one route gave over the runs: share of exact results, and their errors.
 #[derive(Clone, Copy, Debug, Default)]
@@ -129,7 +122,9 @@ fn measure(setting: Setting) -> [Tally; 6] {
     tallies
 }
 
-fn table() -> Result<(), Failed> {
+#[test]
+#[ignore = "long"]
+fn jane_and_code_periods_find_number_and_angles_in_every_setting() -> Tested {
     for setting in [
         (50, 10, 8, 45.0, 0.01, 8),
         (50, 10, 8, 40.0, 0.01, 8),
@@ -153,7 +148,8 @@ fn table() -> Result<(), Failed> {
     Ok(())
 }
 
-fn one_setting() -> Result<(), Failed> {
+#[test]
+fn jane_and_code_periods_find_number_and_angles_with_16_elements_20_ms_45_dbhz() -> Tested {
     let tallies = measure((16, 20, 6, 45.0, 0.03, 4));
     for (name, tally) in NAMES.iter().zip(&tallies) {
         println!("{name:14} exact {:.2}  rmse {:.3} deg", tally.exact(), tally.rmse_deg());

@@ -1,17 +1,40 @@
-//! What the tests that need external data share.
+//! What the tests from outside share.
+#![allow(dead_code, reason = "each suite compiles this file, and not every one needs all of it")]
 
-use libtest_mimic::{Failed, Trial};
+use std::error::Error;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-/// The folder of test data, from the environment variable `SDR_RX_DATA`, if it is set.
-pub fn data_dir() -> Option<PathBuf> {
-    std::env::var_os("SDR_RX_DATA").map(PathBuf::from)
+/// Why a test failed.
+pub type Failed = Box<dyn Error + Send + Sync>;
+/// What a test gives.
+pub type Tested = Result<(), Failed>;
+
+/// The folder of test data, of the environment variable `SDR_RX_DATA`; without it `None`, and one line for the
+/// process that says so.
+pub fn data() -> Option<&'static Path> {
+    static FOLDER: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
+        let folder = std::env::var_os("SDR_RX_DATA").map(PathBuf::from);
+        if folder.is_none() {
+            say("skipped: set SDR_RX_DATA to the folder of test data for the tests that need it");
+        }
+        folder
+    });
+    FOLDER.as_deref()
 }
 
-/// A test that is given the data folder, and counts as ignored when `SDR_RX_DATA` is not set.
-pub fn data_trial(name: &str, test: fn(&Path) -> Result<(), Failed>) -> Trial {
-    let folder = data_dir();
-    let missing = folder.is_none();
-    let name = if missing { format!("{name} (needs SDR_RX_DATA)") } else { name.to_owned() };
-    Trial::test(name, move || test(&folder.unwrap_or_default())).with_ignored_flag(missing)
+/// As [`data`], for a test that also needs this program of others.
+pub fn data_and(program: &str) -> Option<&'static Path> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    if !std::env::split_paths(&path).any(|folder| folder.join(program).is_file()) {
+        say(&format!("skipped: install {program} for the test that needs it"));
+        return None;
+    }
+    data()
+}
+
+/// A line on standard error that the harness does not withhold.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -1,10 +1,8 @@
 //! Every navigation file at hand, by teqc, sbf2rin, RTKCONV, CDDIS and others.
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Tested, data};
 use sdr_rx::gnss::GpsTime;
 use sdr_rx::gnss::format::rinex_nav;
-use std::path::Path;
 
 /// Each file with its numbers of GPS and QZSS records and of satellites, counted with grep and awk.
 pub const FILES: [(&str, usize, usize); 7] = [
@@ -17,14 +15,9 @@ pub const FILES: [(&str, usize, usize); 7] = [
     ("obs/rtklib-geonet/30400920.05n", 164, 28),
 ];
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("every_navigation_file_is_read_whole", every_file_is_read_whole),
-        data_trial("orbits_of_one_satellite_join_between_issues", issues_join),
-    ]
-}
-
-fn every_file_is_read_whole(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn every_navigation_file_is_read_whole() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     for (name, records, satellites) in FILES {
         let data = rinex_nav::read(folder.join(name))?;
         let counted = (data.iter().count(), data.satellites().count());
@@ -37,7 +30,9 @@ fn every_file_is_read_whole(folder: &Path) -> Result<(), Failed> {
 
 /// Two issues two hours apart describe one orbit: half-way between them they agree to the accuracy of a
 /// broadcast orbit (metres; 30 m bounds a fit's ends), which no misread column would let them.
-fn issues_join(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn orbits_of_one_satellite_join_between_issues() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let data = rinex_nav::read(folder.join("nav/brdc0010.22n"))?;
     let mut pairs = 0;
     for sv in data.satellites() {

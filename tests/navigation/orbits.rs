@@ -1,14 +1,12 @@
 //! Orbits of one day from independent sources, and element sets of today.
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Tested, data};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sdr_rx::gnss::constants::{MU_EARTH, SPEED_OF_LIGHT};
 use sdr_rx::gnss::format::rinex_obs::{self, ObservationReader};
 use sdr_rx::gnss::format::{rinex_nav, sp3, tle};
 use sdr_rx::gnss::{GpsTime, Orbit};
-use std::path::Path;
 
 /// Each observation file with its numbers of epochs, and of GPS and QZSS satellites in them.
 const OBSERVATION_FILES: [(&str, usize, usize); 7] = [
@@ -21,15 +19,6 @@ const OBSERVATION_FILES: [(&str, usize, usize); 7] = [
     ("rtklib-geonet/30400920.05o", 120, 1039),
 ];
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("precise_and_broadcast_orbits_of_a_day_agree", precise_and_broadcast),
-        data_trial("every_element_set_gives_its_orbit", element_sets),
-        data_trial("every_observation_file_is_read_whole", observation_files),
-        data_trial("mutilated_real_files_are_read_or_refused", mutilated_files),
-    ]
-}
-
 fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values[(q * (values.len() - 1) as f64) as usize]
@@ -41,7 +30,9 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
 /// not count, and by the antenna (up to 2.5 m from the centre of mass) orbits are off by up to twice that. Such
 /// errors change over hours: by 1 mm/s. Clocks are compared but for what is common to all satellites, as the
 /// two time scales differ.
-fn precise_and_broadcast(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn precise_and_broadcast_orbits_of_a_day_agree() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("orbits/sp3-2010-182");
     let broadcast = rinex_nav::read(folder.join("brdc1820.10n"))?;
     let mut both = broadcast.clone();
@@ -82,7 +73,9 @@ fn precise_and_broadcast(folder: &Path) -> Result<(), Failed> {
 /// Counts by `grep -c '^1 '`. Satellites lie where their mean motion puts them (30 km for eccentricity and
 /// short-period terms), and two sources of elements of the same satellites of one day agree to some km along
 /// the orbit, of 47 000 km.
-fn element_sets(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn every_element_set_gives_its_orbit() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("orbits");
     let mut sets = Vec::new();
     for (name, count) in [
@@ -116,7 +109,9 @@ fn element_sets(folder: &Path) -> Result<(), Failed> {
 }
 
 /// Epochs as counted with `grep -c`, satellites of GPS and QZSS with awk.
-fn observation_files(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn every_observation_file_is_read_whole() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     for (name, epochs, observations) in OBSERVATION_FILES {
         let reader = rinex_obs::open(folder.join("obs").join(name))?;
         let read = reader.collect::<Result<Vec<_>, _>>()?;
@@ -129,7 +124,9 @@ fn observation_files(folder: &Path) -> Result<(), Failed> {
 }
 
 /// The heads of real files with a few bytes changed, doubled or missing: an error or epochs, and no panic.
-fn mutilated_files(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn mutilated_real_files_are_read_or_refused() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     for (name, ..) in OBSERVATION_FILES {
         let head: Vec<u8> = std::fs::read(folder.join("obs").join(name))?[..12_000].to_vec();

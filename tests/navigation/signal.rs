@@ -1,19 +1,15 @@
 //! Broadcast ephemerides through the signal: encoded, sent as soft bits, found, decoded, collected.
 
-use crate::common::data_trial;
+use crate::common::{Tested, data};
 use crate::files::FILES;
-use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::Ephemeris;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
 use sdr_rx::gnss::message::lnav::{Header, Message, Subframe1, encode_subframe};
-use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![data_trial("every_broadcast_ephemeris_survives_the_signal", every_ephemeris_survives)]
-}
-
-fn every_ephemeris_survives(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn every_broadcast_ephemeris_survives_the_signal() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     for (name, ..) in FILES {
         for eph in rinex_nav::read(folder.join(name))?.iter() {
             through_the_signal(eph).map_err(|e| format!("{name} {} {}: {e}", eph.sv, eph.toe))?;

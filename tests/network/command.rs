@@ -1,19 +1,9 @@
 //! The command line: a network made, run, and falsified.
 
+use crate::common::{Failed, Tested};
 use assert_cmd::Command;
-use libtest_mimic::{Failed, Trial};
 use serde_json::Value;
 use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("a_made_network_agrees_with_a_centre_by_every_solver", solvers),
-        Trial::test("slow_clocks_and_lost_messages_change_nothing_but_the_time", asynchronous),
-        Trial::test("a_falsified_observation_is_named_by_every_node_and_taken_out", falsified),
-        Trial::test("mistakes_in_a_network_are_named", mistakes),
-        Trial::test("the_same_seed_makes_the_same_bytes", same_bytes),
-    ]
-}
 
 fn sdr_rx(arguments: &[&str]) -> Result<Command, Failed> {
     let mut command = Command::cargo_bin("sdr-rx")?;
@@ -48,7 +38,8 @@ fn off(result: &Value) -> Result<f64, Failed> {
 }
 
 /// A billionth of the disagreement of some metres is left by as many rounds as are planned.
-fn solvers() -> Result<(), Failed> {
+#[test]
+fn a_made_network_agrees_with_a_centre_by_every_solver() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
     let text = std::fs::read_to_string(&network)?;
@@ -66,7 +57,8 @@ fn solvers() -> Result<(), Failed> {
     Ok(())
 }
 
-fn asynchronous() -> Result<(), Failed> {
+#[test]
+fn slow_clocks_and_lost_messages_change_nothing_but_the_time() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
     for loss in ["0", "0.1", "0.5"] {
@@ -79,7 +71,8 @@ fn asynchronous() -> Result<(), Failed> {
     Ok(())
 }
 
-fn falsified() -> Result<(), Failed> {
+#[test]
+fn a_falsified_observation_is_named_by_every_node_and_taken_out() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
     let honest = run(&[&network])?;
@@ -104,12 +97,13 @@ fn falsified() -> Result<(), Failed> {
     Ok(())
 }
 
-fn mistakes() -> Result<(), Failed> {
+#[test]
+fn mistakes_in_a_network_are_named() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
     let text = std::fs::read_to_string(&network)?;
     let model = std::fs::read_to_string(folder.path().join("N003.json"))?;
-    let refused = |expected: &str, arguments: &[&str]| -> Result<(), Failed> {
+    let refused = |expected: &str, arguments: &[&str]| -> Tested {
         let output = sdr_rx(&[&["run"], arguments].concat())?.output()?;
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         let right = output.status.code() == Some(2) && said.contains(expected);
@@ -131,7 +125,8 @@ fn mistakes() -> Result<(), Failed> {
     refused("N003.json", &[&network])
 }
 
-fn same_bytes() -> Result<(), Failed> {
+#[test]
+fn the_same_seed_makes_the_same_bytes() -> Tested {
     let folders = [tempfile::tempdir()?, tempfile::tempdir()?];
     let mut said = Vec::new();
     for folder in &folders {

@@ -1,7 +1,6 @@
 //! Satellite code biases of two real stations.
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::network::admm::{LeastSquares, Weight};
@@ -11,14 +10,11 @@ use sdr_rx::network::file::rinex::{
     CodeOptions, StationEpoch, satellites, station_epochs, station_normals,
 };
 use sdr_rx::network::{Datum, Graph, constraints, sim};
-use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![data_trial("two_real_stations_find_the_same_biases_of_the_satellites", two_stations)]
-}
 
 /// Base and rover of a static pair: 301 epochs of a second, C1C, C2L and C5Q.
-fn two_stations(data: &Path) -> Result<(), Failed> {
+#[test]
+fn two_real_stations_find_the_same_biases_of_the_satellites() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let folder = data.join("obs/matrtklib-static");
     let navigation = rinex_nav::read(folder.join("base.nav"))?;
     let options = CodeOptions::default();

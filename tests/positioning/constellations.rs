@@ -1,8 +1,8 @@
 //! Success of the solvers over random skies: the paper's scaled-down orbits, true low orbits, receivers
 //! in orbit. Shares are compared with those of an independent reference implementation on its own draws.
 
+use crate::common::Tested;
 use crate::sky::{Draw, Skies, Walker};
-use libtest_mimic::{Failed, Trial};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -19,12 +19,15 @@ const DRAWS: u64 = 2000;
 /// The noise of the reference: 3 m, and 0.5 Hz at L1 in m/s.
 const SIGMA: [f64; 2] = [3.0, 0.5 * 299_792_458.0 / 1575.42e6];
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("random_skies_are_solved_as_often_as_by_the_reference", || all(DRAWS)),
-        Trial::test("two_low_satellites_give_a_place_over_two_minutes", transit),
-        Trial::test("random_skies_long", || all(10 * DRAWS)).with_ignored_flag(true),
-    ]
+#[test]
+fn random_skies_are_solved_as_often_as_by_the_reference() -> Tested {
+    all(DRAWS)
+}
+
+#[test]
+#[ignore = "long"]
+fn ten_times_as_many_random_skies_are_solved_as_often_as_by_the_reference() -> Tested {
+    all(10 * DRAWS)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +68,7 @@ struct Run {
     iterations: usize,
 }
 
-fn all(draws: u64) -> Result<(), Failed> {
+fn all(draws: u64) -> Tested {
     let mut failures = String::new();
     for case in cases() {
         if let Err(message) = check(&case, draws) {
@@ -220,7 +223,8 @@ fn judge<O: Observations>(rows: &O, case: &Case, sky: &Draw, solver: Solver) -> 
 /// Dopplers of two low satellites every 5 s for 2 minutes, one drift for all: fewer than four satellites, but
 /// 50 rows. The error in deviations squared is chi-square with three degrees of freedom, above 21.1 in one
 /// of 10 000.
-fn transit() -> Result<(), Failed> {
+#[test]
+fn two_low_satellites_give_a_place_over_two_minutes() -> Tested {
     let mut worst = (0.0f64, 0.0f64);
     for number in 0..20 {
         let mut rng = ChaCha8Rng::seed_from_u64(9);

@@ -1,7 +1,7 @@
 //! The generalised gradient family: the table of an independent reference, its closed forms, and the
 //! covariance of averaged epochs.
 
-use libtest_mimic::{Failed, Trial};
+use crate::common::Tested;
 use nalgebra::{Matrix4, Vector3, Vector4};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -19,14 +19,6 @@ use sdr_rx::position::solver::outcome::{Damped, Failure, State};
 const R: f64 = 6371e3;
 /// Clock bias of the course, m.
 const BIAS: f64 = 2.354_788_068e-3 * R;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("descent_takes_the_steps_of_the_reference", table),
-        Trial::test("gradient_descent_converges_at_the_rate_of_the_condition", rate),
-        Trial::test("covariance_of_averaged_epochs_is_that_of_many_runs", covariance),
-    ]
-}
 
 /// The four satellites of Kreutz-Delgado's project, GDOP 22.2, condition 3036.
 fn course() -> [Satellite; 4] {
@@ -61,7 +53,8 @@ enum End {
 }
 
 /// Counts within 1 (Gauss-Newton) or 2 %, as the acceptance asks; stalls within 5 % of two printed digits.
-fn table() -> Result<(), Failed> {
+#[test]
+fn descent_takes_the_steps_of_the_reference() -> Tested {
     let satellites = course();
     let observed = observe(&satellites);
     let rows = Observed::<Pseudorange>::new(&satellites, &observed);
@@ -143,7 +136,8 @@ fn normal(satellites: &[Satellite]) -> Matrix4<f64> {
 
 /// Near the minimum the slowest part of the error shrinks by `1 - alpha lmin` a step: the steps between
 /// 1 km and 1 m are `ln 1000 / -ln(1 - alpha lmin)`, to one step.
-fn rate() -> Result<(), Failed> {
+#[test]
+fn gradient_descent_converges_at_the_rate_of_the_condition() -> Tested {
     let satellites = course();
     let observed = observe(&satellites);
     let rows = Observed::<Pseudorange>::new(&satellites, &observed);
@@ -167,7 +161,8 @@ fn rate() -> Result<(), Failed> {
 
 /// 4000 runs with a deviation of 5 m, 9 epochs each: each deviation is known to 1/sqrt(2 * 4000) = 1.1 %,
 /// so that 5 % is more than four of them. The mean of the epochs gives what all rows stacked give.
-fn covariance() -> Result<(), Failed> {
+#[test]
+fn covariance_of_averaged_epochs_is_that_of_many_runs() -> Tested {
     const RUNS: usize = 4000;
     const EPOCHS: usize = 9;
     const SIGMA: f64 = 5.0;

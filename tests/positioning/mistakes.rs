@@ -1,7 +1,7 @@
 //! Wrong observations: an error that names the cause, or both places; never a silent fix, never a panic.
 
+use crate::common::Tested;
 use crate::sky::{Skies, Walker};
-use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -14,18 +14,6 @@ use sdr_rx::position::solver::observations::{Both, Observed, Sigma};
 use sdr_rx::position::solver::outcome::{Ambiguity, Damped, Failure, State, Step, trace_csv};
 use sdr_rx::position::solver::{SOLVER_NAMES, Solver};
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("impossible_observations_are_refused_by_every_solver", refusals),
-        Trial::test("satellites_in_one_plane_give_both_places_or_none", plane),
-        Trial::test("one_faulty_satellite_is_said", fault),
-        Trial::test("a_clock_of_a_second_does_not_move_the_place", clock),
-        Trial::test("derivatives_are_those_of_the_predictions", derivatives),
-        Trial::test("both_roots_are_places_with_the_same_pseudoranges", roots),
-        Trial::test("a_trace_says_why_steps_were_damped", trace),
-    ]
-}
-
 /// Every solver by name, with sensible numbers.
 fn solvers() -> Vec<Solver> {
     SOLVER_NAMES
@@ -35,7 +23,7 @@ fn solvers() -> Vec<Solver> {
         .collect()
 }
 
-fn ensure(holds: bool, what: impl Fn() -> String) -> Result<(), Failed> {
+fn ensure(holds: bool, what: impl Fn() -> String) -> Tested {
     if holds { Ok(()) } else { Err(what().into()) }
 }
 
@@ -49,7 +37,8 @@ fn sky() -> (Vec<Satellite>, Vector3<f64>, Vec<f64>, Vec<f64>) {
     (draw.satellites, draw.truth, ranges, rates)
 }
 
-fn refusals() -> Result<(), Failed> {
+#[test]
+fn impossible_observations_are_refused_by_every_solver() -> Tested {
     let (satellites, _, ranges, rates) = sky();
     for solver in solvers() {
         let solve = |satellites: &[Satellite], ranges: &[f64], sigma: Sigma| {
@@ -121,7 +110,8 @@ fn refusals() -> Result<(), Failed> {
 
 /// Satellites of one orbital plane: a place beside it has a mirror image on the Earth, and a place within
 /// it no direction across. Noise of 1 m, the test's places 2000 km apart.
-fn plane() -> Result<(), Failed> {
+#[test]
+fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
     let along = |angle: f64| Satellite {
         position_m: 26.6e6 * Vector3::new(angle.cos(), angle.sin(), 0.0),
         velocity_mps: 3.9e3 * Vector3::new(-angle.sin(), angle.cos(), 0.0),
@@ -129,7 +119,7 @@ fn plane() -> Result<(), Failed> {
     let satellites: Vec<Satellite> = [-0.9, -0.5, -0.1, 0.3, 0.8].map(along).to_vec();
     let beside = EARTH_RADIUS * Vector3::new(0.97, 0.2, (1.0 - 0.97f64.powi(2) - 0.04).sqrt());
     let mirrored = beside.component_mul(&Vector3::new(1.0, 1.0, -1.0));
-    let both = |solver: Solver, fix: Result<_, Failure>| -> Result<(), Failed> {
+    let both = |solver: Solver, fix: Result<_, Failure>| -> Tested {
         let fix: sdr_rx::position::solver::outcome::Solution = fix?;
         let near = |place: &Vector3<f64>| {
             let at = |s: &State| (s.position_m - place).norm() < 1e3;
@@ -157,7 +147,8 @@ fn plane() -> Result<(), Failed> {
 }
 
 /// With redundant observations a fault shows in the residuals, and the best place is given with it.
-fn fault() -> Result<(), Failed> {
+#[test]
+fn one_faulty_satellite_is_said() -> Tested {
     let (satellites, _, mut ranges, mut rates) = sky();
     ranges[1] += 5e3;
     rates[2] += 50.0;
@@ -180,7 +171,8 @@ fn fault() -> Result<(), Failed> {
 
 /// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the place
 /// moves by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
-fn clock() -> Result<(), Failed> {
+#[test]
+fn a_clock_of_a_second_does_not_move_the_place() -> Tested {
     let (satellites, _, ranges, rates) = sky();
     let moved = |y: &[f64], by: f64| y.iter().map(|y| y + by).collect::<Vec<f64>>();
     for name in ["aw-dgn-bt", "vp", "vp-once", "best"] {
@@ -202,8 +194,9 @@ fn clock() -> Result<(), Failed> {
 
 /// Central differences: truncation is (step/range)^2, rounding 4e-9 m / step for ranges of 2e7 m and
 /// 1e-12 m/s / step for rates; of second differences 4 times that over the step again.
-fn derivatives() -> Result<(), Failed> {
-    fn check<M: ObservationModel>(step: f64, first: f64, second: f64) -> Result<(), Failed> {
+#[test]
+fn derivatives_are_those_of_the_predictions() -> Tested {
+    fn check<M: ObservationModel>(step: f64, first: f64, second: f64) -> Tested {
         let (satellites, truth, ..) = sky();
         for satellite in &satellites {
             let (value, gradient) = M::linearise(satellite, &truth);
@@ -225,7 +218,8 @@ fn derivatives() -> Result<(), Failed> {
 }
 
 /// Four pseudoranges of a receiver in a high orbit: both roots explain them, and one is the truth.
-fn roots() -> Result<(), Failed> {
+#[test]
+fn both_roots_are_places_with_the_same_pseudoranges() -> Tested {
     let (satellites, _, _, _) = sky();
     let truth = 1.3 * satellites[0].position_m + Vector3::new(3e6, -2e6, 1e6);
     let four = &satellites[..4];
@@ -248,7 +242,8 @@ fn roots() -> Result<(), Failed> {
 }
 
 /// Of the paper's setting at 160 km: the first step is blocked by the wall, the last are full.
-fn trace() -> Result<(), Failed> {
+#[test]
+fn a_trace_says_why_steps_were_damped() -> Tested {
     let (satellites, truth, ..) = sky();
     let radius = EARTH_RADIUS + 160e3;
     let low: Vec<Satellite> =

@@ -1,8 +1,7 @@
 //! Real and independent observations by pseudorange, by Doppler alone and by both, from the Earth's centre.
 
 use super::real::{median, place};
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sdr_rx::gnss::NavigationData;
@@ -12,42 +11,46 @@ use sdr_rx::gnss::format::rinex_obs;
 use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::position::{Fix, Observable, PositioningOptions, SolveOptions, Solver, solve_observed};
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("a_septentrio_is_located_by_each_observable", |folder| {
-            let folder = folder.join("obs/matrtklib-static");
-            for station in ["rover", "base"] {
-                Station {
-                    observations: folder.join(format!("{station}.obs")),
-                    navigation: folder.join("base.nav"),
-                    truth: place(&folder.join(format!("{station}_position.txt")))?,
-                    troposphere: Troposphere::Saastamoinen,
-                }
-                .check(5.0, 250.0)?;
-            }
-            Ok(())
-        }),
-        data_trial("a_simulated_ublox_is_located_by_each_observable", |folder| {
-            let folder = folder.join("obs/gps-sdr-sim-rtk");
-            Station {
-                observations: folder.join("base.obs"),
-                navigation: folder.join("base.nav"),
-                truth: Vector3::new(-3_813_409.771, 3_554_349.703, 3_662_785.237),
-                troposphere: Troposphere::None,
-            }
-            .check(3.0, 500.0)
-        }),
-        data_trial("a_monitor_station_is_located_by_each_observable", |folder| {
-            let folder = folder.join("obs/gnsstk-arlm");
-            Station {
-                observations: folder.join("arlm200a.15o"),
-                navigation: folder.join("arlm2000.15n"),
-                truth: Vector3::new(-740_289.918, -5_457_071.734, 3_207_245.542),
-                troposphere: Troposphere::Saastamoinen,
-            }
-            .check(8.0, 100.0)
-        }),
-    ]
+#[test]
+fn a_septentrio_is_located_by_each_observable() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
+    let folder = folder.join("obs/matrtklib-static");
+    for station in ["rover", "base"] {
+        Station {
+            observations: folder.join(format!("{station}.obs")),
+            navigation: folder.join("base.nav"),
+            truth: place(&folder.join(format!("{station}_position.txt")))?,
+            troposphere: Troposphere::Saastamoinen,
+        }
+        .check(5.0, 250.0)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn a_simulated_ublox_is_located_by_each_observable() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
+    let folder = folder.join("obs/gps-sdr-sim-rtk");
+    Station {
+        observations: folder.join("base.obs"),
+        navigation: folder.join("base.nav"),
+        truth: Vector3::new(-3_813_409.771, 3_554_349.703, 3_662_785.237),
+        troposphere: Troposphere::None,
+    }
+    .check(3.0, 500.0)
+}
+
+#[test]
+fn a_monitor_station_is_located_by_each_observable() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
+    let folder = folder.join("obs/gnsstk-arlm");
+    Station {
+        observations: folder.join("arlm200a.15o"),
+        navigation: folder.join("arlm2000.15n"),
+        truth: Vector3::new(-740_289.918, -5_457_071.734, 3_207_245.542),
+        troposphere: Troposphere::Saastamoinen,
+    }
+    .check(8.0, 100.0)
 }
 
 /// Files and the place that they were observed at.
@@ -61,7 +64,7 @@ struct Station {
 impl Station {
     /// Every epoch has a fix by every solver and observable; median 3-D errors are within the bounds, m, and
     /// that by both observables is not above that by pseudoranges.
-    fn check(&self, range_bound_m: f64, doppler_bound_m: f64) -> Result<(), Failed> {
+    fn check(&self, range_bound_m: f64, doppler_bound_m: f64) -> Tested {
         let nav = rinex_nav::read(&self.navigation)?;
         let epochs: Vec<_> = rinex_obs::open(&self.observations)?.collect::<Result<_, _>>()?;
         for solver in [Solver::AwDgnBt, Solver::Best] {

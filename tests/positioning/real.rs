@@ -1,7 +1,6 @@
 //! Real and independent observations with known coordinates.
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use nalgebra::Vector3;
 use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::atmosphere::Troposphere;
@@ -13,24 +12,26 @@ use sdr_rx::gnss::observation::{CodeRange, ObservationEpoch};
 use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("a_simulated_ublox_is_located_to_three_metres", simulated_ublox),
-        data_trial("a_septentrio_on_a_roof_is_located_to_five_metres", septentrio),
-        data_trial("real_code_phases_of_one_epoch_are_a_snapshot", |d| {
-            snapshot(d, 10, 60.0, SnapshotOptions::default())
-        }),
-        data_trial("real_code_phases_tell_the_time_within_five_hours", |d| {
-            let time_uncertainty_s = 18_000.0;
-            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
-            snapshot(d, 30, time_uncertainty_s, options)
-        }),
-        data_trial("real_code_phases_tell_the_time_of_the_navigation_file", |d| {
-            let time_uncertainty_s = f64::INFINITY;
-            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
-            snapshot(d, 30, 1e8, options)
-        }),
-    ]
+#[test]
+fn real_code_phases_of_one_epoch_are_a_snapshot() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    snapshot(d, 10, 60.0, SnapshotOptions::default())
+}
+
+#[test]
+fn real_code_phases_tell_the_time_within_five_hours() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    let time_uncertainty_s = 18_000.0;
+    let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+    snapshot(d, 30, time_uncertainty_s, options)
+}
+
+#[test]
+fn real_code_phases_tell_the_time_of_the_navigation_file() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    let time_uncertainty_s = f64::INFINITY;
+    let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+    snapshot(d, 30, 1e8, options)
 }
 
 /// The GPS and QZSS L1 C/A part of a file.
@@ -49,7 +50,7 @@ fn check(
     truth: &Vector3<f64>,
     bound_m: f64,
     solve: impl Fn(&ObservationEpoch) -> Result<Fix, Failed>,
-) -> Result<(), Failed> {
+) -> Tested {
     let fixes: Vec<Fix> = epochs.iter().map(solve).collect::<Result<_, _>>()?;
     let error = median(fixes.iter().map(|f| (f.position_m - truth).norm()).collect());
     let speed = median(fixes.iter().filter_map(|f| Some(f.velocity_mps?.norm())).collect());
@@ -76,7 +77,9 @@ fn full(
     move |epoch| Ok(solve_epoch(epoch, nav, &options)?)
 }
 
-fn simulated_ublox(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn a_simulated_ublox_is_located_to_three_metres() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("obs/gps-sdr-sim-rtk");
     let nav = rinex_nav::read(folder.join("base.nav"))?;
     let truth = Vector3::new(-3_813_409.771, 3_554_349.703, 3_662_785.237);
@@ -84,7 +87,9 @@ fn simulated_ublox(folder: &Path) -> Result<(), Failed> {
     check(&epochs(&folder.join("base.obs"))?, &truth, 3.0, full(&nav, options))
 }
 
-fn septentrio(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn a_septentrio_on_a_roof_is_located_to_five_metres() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("obs/matrtklib-static");
     let nav = rinex_nav::read(folder.join("base.nav"))?;
     for station in ["rover", "base"] {
@@ -106,12 +111,7 @@ pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
 /// The pseudoranges of the roof, of every so many epochs, cut to their part of a millisecond, and the time
 /// told wrong by up to `off_s`: it is found to 0.1 s. Coarse time costs about three times the error of the
 /// full fix.
-fn snapshot(
-    folder: &Path,
-    every: usize,
-    off_s: f64,
-    options: SnapshotOptions,
-) -> Result<(), Failed> {
+fn snapshot(folder: &Path, every: usize, off_s: f64, options: SnapshotOptions) -> Tested {
     let folder = folder.join("obs/matrtklib-static");
     let nav = rinex_nav::read(folder.join("base.nav"))?;
     let truth = place(&folder.join("rover_position.txt"))?;

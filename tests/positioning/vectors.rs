@@ -1,8 +1,7 @@
 //! The paper's scenarios, against the figures of an independent reference implementation.
 
-use crate::common::data_trial;
+use crate::common::{Failed, Tested, data};
 use crate::sky::scaled_down;
-use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
@@ -14,14 +13,6 @@ use sdr_rx::position::solver::outcome::{State, Step};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("traces_agree_step_by_step_with_the_reference", traces),
-        data_trial("turin_counts_agree_with_the_reference", turin),
-        data_trial("aw_dgn_bt_always_converges_at_the_three_sites", sites),
-    ]
-}
 
 #[derive(Deserialize)]
 struct Turin {
@@ -180,7 +171,7 @@ fn tally(
 
 /// Success within 0.3 % of the runs, mean iterations within 0.03; AW-DGN-BT and the variable projection succeed always. The
 /// reference rounds differently, which decides runs that end on the edge of a basin.
-fn compare(label: &str, name: &str, ours: &Tally, expected: &Expected) -> Result<(), Failed> {
+fn compare(label: &str, name: &str, ours: &Tally, expected: &Expected) -> Tested {
     println!(
         "{label} {name}: {}/{} ok, {} altitudes, {:.3} iterations (reference {} {} {:.3})",
         ours.ok,
@@ -203,7 +194,9 @@ fn compare(label: &str, name: &str, ours: &Tally, expected: &Expected) -> Result
     }
 }
 
-fn turin(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn turin_counts_agree_with_the_reference() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let data: Turin = load(folder, "position_turin.json")?;
     let truth = Vector3::from(data.truth_ecef_m);
     for case in &data.cases {
@@ -222,7 +215,9 @@ fn turin(folder: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn sites(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn aw_dgn_bt_always_converges_at_the_three_sites() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let data: Sites = load(folder, "position_sites.json")?;
     let turin: Turin = load(folder, "position_turin.json")?;
     for case in &data.cases {
@@ -261,7 +256,9 @@ fn sites(folder: &Path) -> Result<(), Failed> {
 
 /// Relative agreement to 1e-6, but for values at the level of rounding: 1e-6 m (or m/s) in the state
 /// and the step, and 1e-13 (the floor of the descent test) in the cost.
-fn traces(folder: &Path) -> Result<(), Failed> {
+#[test]
+fn traces_agree_step_by_step_with_the_reference() -> Tested {
+    let Some(folder) = data() else { return Ok(()) };
     let data: Turin = load(folder, "position_turin.json")?;
     let near = |a: f64, b: f64, floor: f64| (a - b).abs() <= 1e-6 * b.abs() + floor;
     for case in &data.cases {

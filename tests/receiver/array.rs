@@ -1,24 +1,35 @@
 //! Captures of several antenna elements: number of satellites, directions, positions.
 
-use crate::common::data_trial;
+use crate::common::{Failed, Tested, data};
 use crate::program::{Answer, file, run, vector};
 use assert_cmd::Command;
-use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::coordinates::Geodetic;
 use serde_json::Value;
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("four_elements_find_every_satellite_in_20_ms", four_elements_20_ms),
-        data_trial("four_elements_tell_directions_and_the_site_in_100_ms", four_elements_100_ms),
-        data_trial("one_antenna_on_two_channels_is_named_and_its_phase_measured", splitter),
-        Trial::test("fifty_elements_see_eight_satellites_and_the_place", || line("ula50", &[])),
-        Trial::test("sixteen_elements_see_six_satellites_and_the_place", || line("ula16", &[])),
-        Trial::test("the_paper_s_own_solver_sees_the_same", || line("ula16", &["--engine", "lda"])),
-        Trial::test("eight_elements_see_five_satellites_and_the_place", || line("ula8", &[])),
-        Trial::test("four_elements_see_six_satellites_and_the_place", || line("ula4", &[])),
-    ]
+#[test]
+fn fifty_elements_see_eight_satellites_and_the_place() -> Tested {
+    line("ula50", &[])
+}
+
+#[test]
+fn sixteen_elements_see_six_satellites_and_the_place() -> Tested {
+    line("ula16", &[])
+}
+
+#[test]
+fn the_solver_of_the_paper_sees_the_same() -> Tested {
+    line("ula16", &["--engine", "lda"])
+}
+
+#[test]
+fn eight_elements_see_five_satellites_and_the_place() -> Tested {
+    line("ula8", &[])
+}
+
+#[test]
+fn four_elements_see_six_satellites_and_the_place() -> Tested {
+    line("ula4", &[])
 }
 
 /// Whether a number is one, and below a bound.
@@ -55,7 +66,7 @@ fn error_m(answer: &Answer, truth: &Value) -> f64 {
 
 /// A simulated line of elements in impulsive noise, cold: number of signals, angles and satellites are the
 /// simulated ones, and the place is found from the snapshot and the navigation file beside it.
-fn line(name: &str, rest: &[&str]) -> Result<(), Failed> {
+fn line(name: &str, rest: &[&str]) -> Tested {
     let (answer, truth) = snapshot(name, rest)?;
     let known = truth["satellites"].as_array().ok_or("no truth")?;
 
@@ -111,7 +122,7 @@ fn line(name: &str, rest: &[&str]) -> Result<(), Failed> {
 }
 
 /// The fix lies within four of the deviations that it states.
-pub fn within_sigma(answer: &Answer, truth: &Value, what: &str) -> Result<(), Failed> {
+pub fn within_sigma(answer: &Answer, truth: &Value, what: &str) -> Tested {
     let error = error_m(answer, truth);
     let sigma = answer.rows("fixes").first().map_or(f64::NAN, |f| vector(&f["sigma_m"]).norm());
     println!("{what}position {error:.2} m off, sigma {sigma:.2} m");
@@ -162,7 +173,9 @@ fn truth(data: &Path) -> Result<Vec<(String, f64, f64)>, Failed> {
     Ok(satellites.iter().map(row).collect())
 }
 
-fn four_elements_20_ms(data: &Path) -> Result<(), Failed> {
+#[test]
+fn four_elements_find_every_satellite_in_20_ms() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let answer = array4(data, &["--duration", "0.02"])?;
     let found = answer.satellites();
     let truth = truth(data)?;
@@ -177,7 +190,9 @@ fn four_elements_20_ms(data: &Path) -> Result<(), Failed> {
     }
 }
 
-fn four_elements_100_ms(data: &Path) -> Result<(), Failed> {
+#[test]
+fn four_elements_tell_directions_and_the_site_in_100_ms() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let answer = array4(data, &["--duration", "0.1"])?;
     let seen = answer.json["sky"]["satellites"].as_array().ok_or("no directions")?;
     let [mut cosines, mut azimuths, mut elevations] = [const { Vec::new() }; 3];
@@ -211,7 +226,9 @@ fn four_elements_100_ms(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn splitter(data: &Path) -> Result<(), Failed> {
+#[test]
+fn one_antenna_on_two_channels_is_named_and_its_phase_measured() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let files = ["ifen.smfx", "ifen_ant0_L1_20MHz_2bit.bin", "ifen_ant1_L1_20MHz_2bit.bin"]
         .map(|name| file(data, &format!("captures/{name}")));
     let answer = run(&["acquire", &files[0], &files[1], &files[2]])?;

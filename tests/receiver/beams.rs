@@ -1,8 +1,8 @@
 //! Beams to the satellites: they follow, spare interference, and tell who sends.
 
 use crate::array::{below, scenario, snapshot, within_sigma};
+use crate::common::{Failed, Tested};
 use crate::program::{Answer, run, vector};
-use libtest_mimic::{Failed, Trial};
 use num_complex::Complex64;
 use sdr_rx::acquisition::{Refined, SearchOptions};
 use sdr_rx::array::{Beam, BeamKind, Manifold};
@@ -14,20 +14,9 @@ use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use serde_json::Value;
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("jammers_are_located_and_removed", jammers),
-        Trial::test("under_jammers_the_place_is_found_as_without", jammed_fix),
-        Trial::test("beams_follow_satellites_that_cross_the_sky", beams_follow),
-        Trial::test("least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer", weak_jammer),
-        Trial::test("a_jammer_that_comes_up_is_removed_and_told_of", late_jammer),
-        Trial::test("a_spoofer_is_named_and_a_sky_is_not", spoofer),
-        Trial::test("a_spoofer_who_takes_over_is_named_with_the_time", takeover),
-    ]
-}
-
 /// Eight elements under satellites at 550 km, 13 s: they cross the beam, and C/N0 stays what it was.
-fn beams_follow() -> Result<(), Failed> {
+#[test]
+fn beams_follow_satellites_that_cross_the_sky() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("leo_550km")))?;
     made.duration_s = 13.0;
     made.array = Some(ArrayDescription::parse("ula:8")?);
@@ -83,7 +72,8 @@ fn beams_follow() -> Result<(), Failed> {
 /// Noise of 1 dB below the background at each element, too little to be called a jammer, half a beam beside one
 /// satellite: C/N0 behind the matched beam and behind that of least power are what theory says of both,
 /// M^2 / (M + J |s^H j|^2) and M - J |s^H j|^2 / (1 + J M) for responses s and j and power J (van Trees 6.2).
-fn weak_jammer() -> Result<(), Failed> {
+#[test]
+fn least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("ula8")))?;
     made.duration_s = 0.2;
     made.noise = Default::default();
@@ -128,7 +118,8 @@ fn weak_jammer() -> Result<(), Failed> {
     Ok(())
 }
 
-fn jammers() -> Result<(), Failed> {
+#[test]
+fn jammers_are_located_and_removed() -> Tested {
     let answer = run(&["look", &scenario("jammed_ula8")])?;
     let sky = &answer.json["sky"];
     let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
@@ -153,7 +144,8 @@ fn jammers() -> Result<(), Failed> {
 
 /// Jammers of 30 and 50 dB: the snapshot's fix is as good as it says, and its deviation is what it is without them
 /// but for the 3 dB between the two skies (42 and 45 dB-Hz) and what the nulls cost.
-fn jammed_fix() -> Result<(), Failed> {
+#[test]
+fn under_jammers_the_place_is_found_as_without() -> Tested {
     let (jammed, truth) = snapshot("jammed_ula8", &[])?;
     let (quiet, _) = snapshot("ula8", &[])?;
     within_sigma(&jammed, &truth, "jammed: ")?;
@@ -165,7 +157,8 @@ fn jammed_fix() -> Result<(), Failed> {
 }
 
 /// A jammer of 40 dB after three seconds: every satellite is followed to the end on its beam, none is suspected.
-fn late_jammer() -> Result<(), Failed> {
+#[test]
+fn a_jammer_that_comes_up_is_removed_and_reported() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("ula8")))?;
     made.duration_s = 9.0;
     made.jammers = vec![toml::from_str(
@@ -192,7 +185,8 @@ fn late_jammer() -> Result<(), Failed> {
     }
 }
 
-fn spoofer() -> Result<(), Failed> {
+#[test]
+fn a_spoofer_is_named_and_a_sky_is_not() -> Tested {
     let spoofed = run(&["look", &scenario("spoofed_ura4")])?;
     if !spoofed.said().contains("come from one direction") {
         return Err(format!("not named: {}", spoofed.said()).into());
@@ -205,7 +199,8 @@ fn spoofer() -> Result<(), Failed> {
 }
 
 /// The satellites are heard for four seconds, and then a transmitter in their place.
-fn takeover() -> Result<(), Failed> {
+#[test]
+fn a_spoofer_who_takes_over_is_named_with_the_time() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("spoofed_ura4")))?;
     made.duration_s = 9.0;
     let spoofer = made.spoofer.as_mut().ok_or("no spoofer")?;

@@ -1,21 +1,8 @@
 //! A newcomer's mistakes: each is named with what to try, and none exits with 0.
 
-use crate::common::data_trial;
+use crate::common::{Tested, data};
 use crate::program::{file, run};
-use libtest_mimic::{Failed, Trial};
 use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("a_wrong_sample_type_is_named", sample_type),
-        data_trial("a_wrong_rate_is_named", rate),
-        data_trial("a_wrong_intermediate_frequency_is_named", frequency),
-        data_trial("a_wrong_sign_of_the_spectrum_is_named", sign),
-        data_trial("a_wrong_date_or_time_is_named", date),
-        data_trial("what_is_missing_for_a_fix_is_named", missing),
-        Trial::test("files_that_hold_no_samples_are_named", no_samples),
-    ]
-}
 
 /// A capture and how it is rightly read, with some of its satellites: six are enough for advice, and quick.
 const TOKYO: [&str; 2] = ["sim_tokyo_2.6MHz_1s_cs8.bin", "G10,G12,G13,G15,G18,G19"];
@@ -52,12 +39,14 @@ fn complaint(arguments: &[&str], parts: &[&str]) -> Option<String> {
     })
 }
 
-fn all(complaints: impl IntoIterator<Item = Option<String>>) -> Result<(), Failed> {
+fn all(complaints: impl IntoIterator<Item = Option<String>>) -> Tested {
     let list: Vec<String> = complaints.into_iter().flatten().collect();
     if list.is_empty() { Ok(()) } else { Err(list.join("\n").into()) }
 }
 
-fn sample_type(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_wrong_sample_type_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let complex = ["cs16", "cf32", "b1"];
     let tokyo = complex.map(|f| named(data, TOKYO, &format!("-f {f} -r 2.6M"), &["--format cs8"]));
     let pocket = named(data, POCKET_4, "-f cs16 -r 4M --conjugate", &["--format cs8"]);
@@ -67,7 +56,9 @@ fn sample_type(data: &Path) -> Result<(), Failed> {
     all(tokyo.into_iter().chain([pocket, real_for_complex, complex_for_real]))
 }
 
-fn rate(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_wrong_rate_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     all([
         named(data, TOKYO, "-f cs8 -r 4M", &["--rate 2600000"]),
         named(data, TOKYO, "-f cs8 -r 2.5M", &["--rate 2600000"]),
@@ -77,7 +68,9 @@ fn rate(data: &Path) -> Result<(), Failed> {
     ])
 }
 
-fn frequency(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_wrong_intermediate_frequency_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     all([
         named(data, TOKYO, "-f cs8 -r 2.6M --if 420k", &["--if 0"]),
         named(data, TOKYO, "-f cs8 -r 2.6M --if=-48.75k", &["--if 0"]),
@@ -89,7 +82,9 @@ fn frequency(data: &Path) -> Result<(), Failed> {
     ])
 }
 
-fn sign(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_wrong_sign_of_the_spectrum_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let fix = "--nav NAV --time 2190:525633";
     all([
         named(
@@ -102,7 +97,9 @@ fn sign(data: &Path) -> Result<(), Failed> {
     ])
 }
 
-fn date(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_wrong_date_or_time_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let other_nav = file(data, "orbits/sp3-2010-182/brdc1820.10n");
     let read = "-f cs8 -r 2.6M";
     all([
@@ -123,7 +120,9 @@ fn date(data: &Path) -> Result<(), Failed> {
     ])
 }
 
-fn missing(data: &Path) -> Result<(), Failed> {
+#[test]
+fn what_is_missing_for_a_fix_is_named() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     all([
         named(data, TOKYO, "-f cs8 -r 2.6M", &["--nav", "--time"]),
         named(data, TOKYO, "-f cs8 -r 2.6M --nav NAV", &["--time"]),
@@ -133,7 +132,8 @@ fn missing(data: &Path) -> Result<(), Failed> {
     ])
 }
 
-fn no_samples() -> Result<(), Failed> {
+#[test]
+fn files_that_hold_no_samples_are_named() -> Tested {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (empty, none, text) = (path("empty.cs8"), path("none.cs8"), path("text.cs8"));

@@ -1,10 +1,10 @@
 //! Running the program and reading what it says.
 
+use crate::common::Failed;
 use assert_cmd::Command;
-use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What a run of the program gave.
 pub struct Answer {
@@ -72,19 +72,4 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 /// A file of the data folder as an argument.
 pub fn file(data: &Path, name: &str) -> String {
     data.join(name).display().to_string()
-}
-
-/// A test that needs the data and another program; ignored where one is missing.
-pub fn program_trial(
-    name: &str,
-    program: &'static str,
-    test: fn(&Path) -> Result<(), Failed>,
-) -> Trial {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let present = std::env::split_paths(&path).any(|folder| folder.join(program).is_file());
-    let data: Option<PathBuf> = crate::common::data_dir();
-    let missing = !present || data.is_none();
-    let name =
-        if missing { format!("{name} (needs SDR_RX_DATA and {program})") } else { name.to_owned() };
-    Trial::test(name, move || test(&data.unwrap_or_default())).with_ignored_flag(missing)
 }

@@ -1,8 +1,8 @@
 //! The scenarios that ship with the program: simulated, received from the signals alone, compared with the
 //! truth. They need no data.
 
+use crate::common::{Failed, Tested};
 use crate::program::{median, run, vector};
-use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::constants::{CA_CHIP_RATE, L1_WAVELENGTH, SPEED_OF_LIGHT};
 use serde_json::Value;
 use std::f64::consts::TAU;
@@ -10,14 +10,6 @@ use std::path::Path;
 
 /// Three subframes of 6 s hold an ephemeris; the scenarios start with a frame.
 const SECONDS: &str = "20";
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("a_simulated_static_receiver_is_found_where_it_stands", static_receiver),
-        Trial::test("a_simulated_car_on_a_circle_has_its_velocity", circle),
-        Trial::test("a_fifth_of_a_second_under_low_shells_gives_place_and_velocity", low_shells),
-    ]
-}
 
 /// One fix beside the truth of the same sample.
 struct Compared {
@@ -75,7 +67,8 @@ fn rate_sigma_mps(bandwidth_hz: f64, cn0_dbhz: f64) -> f64 {
 /// 45 dB-Hz and 2 bits (-0.6 dB); the loop of 0.5 Hz is four times as wide in its first second. The median
 /// of a position error is below its rms, PDOP x sigma; five times that holds for each of twenty. The
 /// message's steps add some 0.3 m.
-fn static_receiver() -> Result<(), Failed> {
+#[test]
+fn a_simulated_static_receiver_is_found_where_it_stands() -> Tested {
     let all = compared("static_8sv.toml")?;
     let middle = median(all.iter().map(|c| c.position_m).collect());
     let greatest = all.iter().map(|c| c.position_m).fold(0.0, f64::max);
@@ -98,7 +91,8 @@ fn static_receiver() -> Result<(), Failed> {
 /// Satellites at 550 and 1200 km, whose Doppler changes by up to 500 Hz a second. The position lies within
 /// four of the deviations that the fix states. A Doppler of 0.2 s is good to 0.03 Hz (Cramer-Rao, 44 dB-Hz),
 /// 6 mm/s, to which the receiver adds 20 mm/s for its model: times PDOP, four deviations.
-fn low_shells() -> Result<(), Failed> {
+#[test]
+fn a_fifth_of_a_second_under_low_shells_gives_place_and_velocity() -> Tested {
     for name in ["leo_550km.toml", "leo_1200km.toml"] {
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("signals").join(name);
         let folder = tempfile::tempdir()?;
@@ -129,7 +123,8 @@ fn low_shells() -> Result<(), Failed> {
 
 /// 40 dB-Hz at the horizon and more above. The turn's jerk, 0.2 m/s^3, leaves a third-order loop of 15 Hz
 /// (19 rad/s) behind by 0.2 / 19^3 m: nothing. The troposphere changes by millimetres a second.
-fn circle() -> Result<(), Failed> {
+#[test]
+fn a_simulated_car_on_a_circle_has_its_velocity() -> Tested {
     let all = compared("circle_8sv.toml")?;
     let middle = median(all.iter().map(|c| c.velocity_mps).collect());
     let greatest = all.iter().map(|c| c.velocity_mps).fold(0.0, f64::max);

@@ -1,8 +1,7 @@
 //! Captures too short for their navigation message: a navigation file and the time to a minute give the fix.
 
-use crate::common::data_trial;
+use crate::common::{Failed, Tested, data};
 use crate::program::median;
-use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::capture::{self, OpenOptions};
 use sdr_rx::gnss::GpsTime;
@@ -12,13 +11,22 @@ use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions};
 use sdr_rx::receiver::{self, ReceiverOptions, Record};
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("fixes_from_20_ms", |d| windows(d, 0.02, 50, 48, 40.0)),
-        data_trial("fixes_from_100_ms", |d| windows(d, 0.1, 50, 50, 20.0)),
-        data_trial("a_fix_from_a_second", |d| windows(d, 1.0, 1, 1, 10.0)),
-        data_trial("one_channel_of_an_array_gives_a_fix_from_100_ms", array),
-    ]
+#[test]
+fn snapshots_of_20_ms_give_fixes() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    windows(d, 0.02, 50, 48, 40.0)
+}
+
+#[test]
+fn snapshots_of_100_ms_give_fixes() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    windows(d, 0.1, 50, 50, 20.0)
+}
+
+#[test]
+fn a_snapshot_of_a_second_gives_a_fix() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    windows(d, 1.0, 1, 1, 10.0)
 }
 
 /// Place of the capture over Tokyo, and GPS time of its first sample.
@@ -68,13 +76,7 @@ fn errors(
 }
 
 /// `count` windows evenly over the second, the time off by another amount in each, from -60 to 60 s.
-fn windows(
-    data: &Path,
-    seconds: f64,
-    count: usize,
-    least: usize,
-    median_m: f64,
-) -> Result<(), Failed> {
+fn windows(data: &Path, seconds: f64, count: usize, least: usize, median_m: f64) -> Tested {
     let start = GpsTime::from_week_tow(TOKYO_WEEK_TOW.0, TOKYO_WEEK_TOW.1);
     let rate_hz = 2.6e6;
     let (mut found, mut problems) = (Vec::new(), Vec::new());
@@ -118,7 +120,9 @@ fn windows(
 }
 
 /// The first of four interleaved channels, the time half a minute off.
-fn array(data: &Path) -> Result<(), Failed> {
+#[test]
+fn one_channel_of_an_array_gives_a_fix_from_100_ms() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let start = GpsTime::from_week_tow(2190, 551_667.0);
     let place =
         sdr_rx::gnss::coordinates::Geodetic::from_degrees(-1.292066, 36.821945, 1700.0).to_ecef();

@@ -3,10 +3,9 @@
 //! The week of navigation data is made of the file's day: each orbit and clock goes on for whole days, so
 //! that the geometry repeats after sidereal days as the real one does, each satellite's by its own period.
 
-use crate::common::data_trial;
+use crate::common::{Failed, Tested, data};
 use crate::program::{file, median, run, vector};
 use crate::snapshots::{TOKYO, TOKYO_WEEK_TOW, snapshot};
-use libtest_mimic::{Failed, Trial};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -19,16 +18,30 @@ use sdr_rx::gnss::{Ephemeris, GpsTime, NavigationData};
 use sdr_rx::position::{PositioningOptions, SnapshotOptions, solve_snapshot};
 use std::path::Path;
 
-pub fn trials() -> Vec<Trial> {
-    let long = |trial: Trial| trial.with_ignored_flag(true);
-    vec![
-        data_trial("time_within_five_hours_is_found_with_the_place", five_hours),
-        data_trial("time_within_a_day_or_a_week_is_found_or_refused", |d| day_and_week(d, 4)),
-        long(data_trial("time_within_a_day_or_a_week_200_times", |d| day_and_week(d, 200))),
-        data_trial("navigation_data_of_another_day_give_no_fix", |d| another_day(d, 1)),
-        long(data_trial("navigation_data_of_another_day_40_times", |d| another_day(d, 40))),
-        data_trial("the_program_needs_no_time", program),
-    ]
+#[test]
+fn time_within_a_day_or_a_week_is_found_or_refused() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    day_and_week(d, 4)
+}
+
+#[test]
+#[ignore = "long"]
+fn time_within_a_day_or_a_week_200_times() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    day_and_week(d, 200)
+}
+
+#[test]
+fn navigation_data_of_another_day_give_no_fix() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    another_day(d, 1)
+}
+
+#[test]
+#[ignore = "long"]
+fn navigation_data_of_another_day_40_times() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    another_day(d, 40)
 }
 
 const RATE_HZ: f64 = 2.6e6;
@@ -135,7 +148,7 @@ fn cpu_s() -> f64 {
 }
 
 /// At most one try in fifty may be refused, none may be wrong, half are within 20 m; 2 s of processor each.
-fn judge(tally: Tally, what: &str, median_m: f64) -> Result<(), Failed> {
+fn judge(tally: Tally, what: &str, median_m: f64) -> Tested {
     println!("{what}: {tally:?}");
     let ok = tally.right as f64 >= 0.98 * tally.tries as f64
         && tally.wrong == 0
@@ -144,7 +157,9 @@ fn judge(tally: Tally, what: &str, median_m: f64) -> Result<(), Failed> {
     if ok { Ok(()) } else { Err(format!("{what}: {tally:?}").into()) }
 }
 
-fn five_hours(data: &Path) -> Result<(), Failed> {
+#[test]
+fn time_within_five_hours_is_found_with_the_place() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?;
     // In 20 ms the code noise is twice that of 100 ms, and so is the bound.
     for (seconds, count, tries, median_m) in
@@ -190,7 +205,7 @@ fn days(data: &Path, days: impl Iterator<Item = i32> + Clone) -> Result<Navigati
 }
 
 /// A right fix or an honest refusal.
-fn day_and_week(data: &Path, tries: usize) -> Result<(), Failed> {
+fn day_and_week(data: &Path, tries: usize) -> Tested {
     let week = days(data, -3..=3)?;
     for seconds in [0.02, 0.1, 1.0] {
         let count = if seconds < 1.0 { tries.min(20) } else { 1 };
@@ -211,7 +226,7 @@ fn day_and_week(data: &Path, tries: usize) -> Result<(), Failed> {
 }
 
 /// A day too early or too late there is a place with the same Dopplers, but not the same code phases.
-fn another_day(data: &Path, tries: usize) -> Result<(), Failed> {
+fn another_day(data: &Path, tries: usize) -> Tested {
     for day in [-1, 1] {
         let nav = days(data, std::iter::once(day))?;
         for seconds in [0.02, 0.1] {
@@ -227,7 +242,9 @@ fn another_day(data: &Path, tries: usize) -> Result<(), Failed> {
 }
 
 /// The command line with no time, with a time that is four hours off, and with one that is too far off.
-fn program(data: &Path) -> Result<(), Failed> {
+#[test]
+fn the_program_needs_no_time() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let capture = file(data, "captures/sim_tokyo_2.6MHz_1s_cs8.bin");
     let nav = file(data, "nav/brdc0010.22n");
     let known = [

@@ -1,30 +1,18 @@
 //! Each format read back by an independent reader.
 
-use crate::common::data_trial;
+use crate::common::{Tested, data};
 use crate::scene::{EPOCHS, PLACE, Scene};
-use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::report::{self, OutputDir, write_all};
-use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("navigation_files_survive_our_writer", navigation_files_survive),
-        data_trial("json_holds_the_stable_fields", json_holds_the_stable_fields),
-        data_trial("nmea_sentences_are_well_formed", nmea_is_well_formed),
-        data_trial("maps_put_longitude_first", maps_put_longitude_first),
-        data_trial("plots_and_page_are_well_formed_and_whole", plots_and_page),
-        data_trial("tables_say_what_was_found", tables),
-        data_trial("the_same_run_gives_the_same_bytes_and_no_stray_file", same_bytes),
-    ]
-}
 
 /// Our 13 digits carry every file's 12 or 13, so ephemerides come back to the last bit. Klobuchar
 /// coefficients have 5 digits and UTC terms 11 and 10 (RINEX 3.04 table A5): half of the last digit is
 /// 5e-5, 5e-11 and 5e-10.
-fn navigation_files_survive(data: &Path) -> Result<(), Failed> {
+#[test]
+fn navigation_files_survive_our_writer() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     for name in [
         "nav/brdc0010.22n",
         "obs/matrtklib-static/base.nav",
@@ -59,7 +47,9 @@ fn navigation_files_survive(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn json_holds_the_stable_fields(data: &Path) -> Result<(), Failed> {
+#[test]
+fn json_holds_the_stable_fields() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let document: serde_json::Value = serde_json::from_str(&report::json(&scene.run()))?;
     assert_eq!(document["schema"], "sdr-rx/1");
@@ -95,7 +85,9 @@ fn json_holds_the_stable_fields(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn nmea_is_well_formed(data: &Path) -> Result<(), Failed> {
+#[test]
+fn nmea_sentences_are_well_formed() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let text = report::nmea(&scene.run());
     assert!(text.ends_with("\r\n"));
@@ -113,7 +105,9 @@ fn nmea_is_well_formed(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn maps_put_longitude_first(data: &Path) -> Result<(), Failed> {
+#[test]
+fn maps_put_longitude_first() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let map: geojson::GeoJson = report::geojson(&scene.run()).parse()?;
     let geojson::GeoJson::FeatureCollection(collection) = map else {
@@ -132,7 +126,9 @@ fn maps_put_longitude_first(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn plots_and_page(data: &Path) -> Result<(), Failed> {
+#[test]
+fn plots_and_page_are_well_formed_and_whole() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let run = scene.run();
     let sky = report::sky(&run);
@@ -158,7 +154,9 @@ fn plots_and_page(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn tables(data: &Path) -> Result<(), Failed> {
+#[test]
+fn tables_say_what_was_found() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let run = scene.run();
     let found = report::acquisition_table(run.acquisitions);
@@ -175,7 +173,9 @@ fn tables(data: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn same_bytes(data: &Path) -> Result<(), Failed> {
+#[test]
+fn the_same_run_gives_the_same_bytes_and_no_stray_file() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let folders = [tempfile::tempdir()?, tempfile::tempdir()?];
     let mut contents = Vec::new();

@@ -1,38 +1,12 @@
 //! RTKLIB and gpsd read what is written.
 
-use crate::common::data_dir;
+use crate::common::{Failed, Tested, data_and};
 use crate::scene::{EPOCHS, PLACE, Scene};
-use libtest_mimic::{Failed, Trial};
 use nalgebra::Vector3;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::report::{OutputDir, write_all};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        program_trial(
-            "rtklib_finds_the_place_from_our_rinex_files",
-            "rnx2rtkp",
-            rtklib_finds_the_place,
-        ),
-        program_trial("gpsd_reads_our_nmea", "gpsdecode", gpsd_reads_our_nmea),
-    ]
-}
-
-fn program_trial(
-    name: &str,
-    program: &'static str,
-    test: fn(&Path) -> Result<(), Failed>,
-) -> Trial {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let present = std::env::split_paths(&path).any(|folder| folder.join(program).is_file());
-    let data = data_dir();
-    let missing = !present || data.is_none();
-    let name =
-        if missing { format!("{name} (needs SDR_RX_DATA and {program})") } else { name.to_owned() };
-    Trial::test(name, move || test(&data.unwrap_or_default())).with_ignored_flag(missing)
-}
 
 fn written(scene: &Scene) -> Result<(tempfile::TempDir, Vec<PathBuf>), Failed> {
     let folder = tempfile::tempdir()?;
@@ -43,7 +17,9 @@ fn written(scene: &Scene) -> Result<(tempfile::TempDir, Vec<PathBuf>), Failed> {
 /// RTKLIB's single point positioning, atmosphere off as in the scene. The file gives ranges to 1 mm: the
 /// rounding (uniform, 0.3 mm rms) times a PDOP of about 2 is below a millimetre; RTKLIB stops iterating
 /// below 0.1 mm and prints 0.1 mm. 1 cm leaves a factor of ten.
-fn rtklib_finds_the_place(data: &Path) -> Result<(), Failed> {
+#[test]
+fn rtklib_finds_the_place_from_our_rinex_files() -> Tested {
+    let Some(data) = data_and("rnx2rtkp") else { return Ok(()) };
     let scene = Scene::new(data)?;
     let (_folder, paths) = written(&scene)?;
     let output =
@@ -70,7 +46,9 @@ fn rtklib_finds_the_place(data: &Path) -> Result<(), Failed> {
 
 /// The position and satellites that gpsd reports are those of the fixes: 1e-6 minutes are 2 mm, a
 /// millimetre of height; both are printed by gpsd to 1e-9 deg and 0.1 mm or better.
-fn gpsd_reads_our_nmea(data: &Path) -> Result<(), Failed> {
+#[test]
+fn gpsd_reads_our_nmea() -> Tested {
+    let Some(data) = data_and("gpsdecode") else { return Ok(()) };
     let scene = Scene::new(data)?;
     let (_folder, paths) = written(&scene)?;
     let nmea = paths.iter().find(|p| p.ends_with("track.nmea")).ok_or("no NMEA file")?;

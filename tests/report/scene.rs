@@ -1,6 +1,6 @@
 //! A receiver that stands in Tokyo, its observations computed from broadcast ephemerides without noise.
 
-use libtest_mimic::Failed;
+use crate::common::Failed;
 use nalgebra::{Matrix4, Vector3};
 use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;

@@ -1,30 +1,14 @@
 //! Scenarios of antenna arrays: against closed forms, and against a simulator that others wrote.
 
-use super::common::data_trial;
 use super::correlator::periods;
 use super::theory::scenario;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use num_complex::{Complex32, Complex64};
 use sdr_rx::capture::{self, Block, Datatype, OpenOptions, SampleSource, SigmfWriter};
 use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::constants::L1_WAVELENGTH;
 use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
 use std::f64::consts::TAU;
-use std::path::Path;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("each_element_hears_the_plane_wave_of_the_turned_array", plane_wave),
-        Trial::test("threads_change_nothing_and_the_origin_hears_a_single_antenna", threads),
-        Trial::test("a_front_end_of_ones_own_is_told_which_element_it_serves", own_front_end),
-        Trial::test("impulses_strike_elements_alone_or_together_as_asked", impulses),
-        Trial::test("jammers_have_the_power_frequency_time_and_direction_asked_for", jammers),
-        Trial::test("a_spoofer_sends_its_satellites_from_one_direction", spoofer),
-        Trial::test("an_array_survives_its_sigmf_metadata", sigmf),
-        Trial::test("files_of_one_channel_each_make_the_array", sigmf_files),
-        data_trial("directions_and_phases_agree_with_the_independent_simulator", independent),
-    ]
-}
 
 fn block(scenario: &Scenario) -> Result<(ScenarioSource, Block), Failed> {
     let mut source = ScenarioSource::new(scenario)?;
@@ -50,7 +34,8 @@ fn with_satellites(list: &[&str], rest: &str) -> Scenario {
     Scenario { satellites: Some(list), duration_s: 0.02, ..scenario(rest) }
 }
 
-fn plane_wave() -> Result<(), Failed> {
+#[test]
+fn each_element_hears_the_plane_wave_of_the_turned_array() -> Tested {
     let scenario = with_satellites(
         &["G21"],
         "[array]
@@ -96,7 +81,8 @@ fn plane_wave() -> Result<(), Failed> {
     Ok(())
 }
 
-fn threads() -> Result<(), Failed> {
+#[test]
+fn threads_change_nothing_and_the_origin_hears_a_single_antenna() -> Tested {
     let front_end = "[noise]\nimpulse_share = 0.1\nimpulse_variance_ratio = 50.0\n\
                      [front_end]\nrate_hz = 2e6\nbandwidth_hz = 1.8e6\nbits = 8";
     let array = with_satellites(
@@ -118,7 +104,8 @@ fn threads() -> Result<(), Failed> {
     Ok(())
 }
 
-fn own_front_end() -> Result<(), Failed> {
+#[test]
+fn a_front_end_of_ones_own_is_told_which_element_it_serves() -> Tested {
     struct Number;
     impl FrontEnd for Number {
         fn delay(&self) -> usize {
@@ -140,7 +127,8 @@ fn own_front_end() -> Result<(), Failed> {
     Ok(())
 }
 
-fn impulses() -> Result<(), Failed> {
+#[test]
+fn impulses_strike_elements_alone_or_together_as_asked() -> Tested {
     for common in [0.0, 0.5, 1.0] {
         let mut scenario = with_satellites(
             &["G21"],
@@ -168,7 +156,8 @@ fn impulses() -> Result<(), Failed> {
     Ok(())
 }
 
-fn jammers() -> Result<(), Failed> {
+#[test]
+fn jammers_have_the_power_frequency_time_and_direction_asked_for() -> Tested {
     let rate = 2e6;
     let with = |jammer: &str| {
         block(&with_satellites(
@@ -232,7 +221,8 @@ fn jammers() -> Result<(), Failed> {
     Ok(())
 }
 
-fn spoofer() -> Result<(), Failed> {
+#[test]
+fn a_spoofer_sends_its_satellites_from_one_direction() -> Tested {
     let run = |satellites: &[&str], sent: &str| {
         block(&with_satellites(
             satellites,
@@ -262,7 +252,8 @@ fn spoofer() -> Result<(), Failed> {
     Ok(())
 }
 
-fn sigmf() -> Result<(), Failed> {
+#[test]
+fn an_array_survives_its_sigmf_metadata() -> Tested {
     let scenario = with_satellites(
         &["G21"],
         "[array]
@@ -296,7 +287,8 @@ fn sigmf() -> Result<(), Failed> {
 }
 
 /// The extension's own way: a file for each channel, X along the boresight and Y to its left.
-fn sigmf_files() -> Result<(), Failed> {
+#[test]
+fn files_of_one_channel_each_make_the_array() -> Tested {
     let folder = tempfile::tempdir()?;
     let mut paths = Vec::new();
     for (index, y, phase) in [(0, 0.3, 0.0), (1, -0.3, 90.0)] {
@@ -330,7 +322,9 @@ fn sigmf_files() -> Result<(), Failed> {
     Ok(())
 }
 
-fn independent(data: &Path) -> Result<(), Failed> {
+#[test]
+fn directions_and_phases_agree_with_the_independent_simulator() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let folder = data.join("captures");
     let text = std::fs::read(folder.join("sim_array4_2MHz_0.5s_cs8.json"))?;
     let json: serde_json::Value = serde_json::from_slice(&text)?;

@@ -1,9 +1,8 @@
 //! Against a simulator that others wrote: same place, time and ephemeris.
 
-use super::common::data_trial;
 use super::correlator::{code_sigma, doppler_sigma, measure, periods};
 use super::theory::samples;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use num_complex::Complex32;
 use sdr_rx::gnss::message::lnav::{Header, Message, decode_subframe, decode_words};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
@@ -12,15 +11,6 @@ use std::path::Path;
 const RATE: f64 = 2.6e6;
 const SATELLITES: &str =
     r#"["G10", "G12", "G13", "G15", "G18", "G19", "G23", "G24", "G25", "G32"]"#;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        data_trial("code_phase_and_doppler_agree_with_the_independent_simulator", ranges),
-        data_trial("whole_milliseconds_agree_with_the_independent_simulator", milliseconds),
-        data_trial("decoded_ephemerides_agree_with_those_of_the_independent_simulator", bits),
-        data_trial("a_navigation_file_of_another_day_is_refused_with_the_hours_between", stale),
-    ]
-}
 
 /// The independent simulator's place: static, Klobuchar's ionosphere, no troposphere, perfect clock.
 fn tokyo(data: &Path, tow: f64, seconds: f64) -> Result<Scenario, Failed> {
@@ -40,7 +30,9 @@ fn tokyo(data: &Path, tow: f64, seconds: f64) -> Result<Scenario, Failed> {
     Ok(Scenario::parse(&text, "tokyo")?)
 }
 
-fn ranges(data: &Path) -> Result<(), Failed> {
+#[test]
+fn code_phase_and_doppler_agree_with_the_independent_simulator() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let scenario = tokyo(data, 525_633.0, 1.0)?;
     let mut source = ScenarioSource::new(&scenario)?;
     let ours = samples(&mut source, 1 << 18)?;
@@ -81,7 +73,9 @@ fn one_bit(data: &Path, seconds: f64) -> Result<Vec<Complex32>, Failed> {
 
 /// Despread along our truth, the data bits of the independent capture begin with the code periods with
 /// which ours do: pseudoranges agree in whole milliseconds for each satellite, not only modulo one.
-fn milliseconds(data: &Path) -> Result<(), Failed> {
+#[test]
+fn whole_milliseconds_agree_with_the_independent_simulator() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let source = ScenarioSource::new(&tokyo(data, 525_600.0, 2.0)?)?;
     let theirs = one_bit(data, 2.0)?;
     for sv in source.satellites() {
@@ -98,7 +92,9 @@ fn milliseconds(data: &Path) -> Result<(), Failed> {
 }
 
 /// Words of three subframes of 6 s from the one-bit capture, despread along our truth.
-fn bits(data: &Path) -> Result<(), Failed> {
+#[test]
+fn decoded_ephemerides_agree_with_those_of_the_independent_simulator() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let source = ScenarioSource::new(&tokyo(data, 525_600.0, 19.0)?)?;
     let theirs = one_bit(data, 19.0)?;
     for sv in ["G10", "G23", "G32"] {
@@ -174,7 +170,9 @@ fn compare(theirs: Message, ours: Message) {
     }
 }
 
-fn stale(data: &Path) -> Result<(), Failed> {
+#[test]
+fn a_navigation_file_of_another_day_is_refused_with_the_hours_between() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let mut scenario = tokyo(data, 525_600.0, 1.0)?;
     scenario.start = scenario.start + 10.0 * 86_400.0;
     let error = ScenarioSource::new(&scenario).err().ok_or("accepted")?.to_string();

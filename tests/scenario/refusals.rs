@@ -1,6 +1,6 @@
 //! What a person can write wrongly, and what the program says to it.
 
-use libtest_mimic::{Failed, Trial};
+use crate::common::Tested;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 
 const GOOD: &str = r#"start = "2190:525600"
@@ -136,14 +136,8 @@ const CASES: &[(&str, &str, &str, &str)] = &[
     ),
 ];
 
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("each_wrong_value_is_refused_with_its_reason_and_line", wrong_values),
-        Trial::test("the_command_refuses_with_exit_code_2_and_leaves_no_file", command),
-    ]
-}
-
-fn wrong_values() -> Result<(), Failed> {
+#[test]
+fn each_wrong_value_is_refused_with_its_reason_and_line() -> Tested {
     ScenarioSource::new(&Scenario::parse(GOOD, "good.toml")?)?;
     let mut wrongly = Vec::new();
     for (right, wrong, reason, line) in CASES {
@@ -159,7 +153,8 @@ fn wrong_values() -> Result<(), Failed> {
     Ok(())
 }
 
-fn command() -> Result<(), Failed> {
+#[test]
+fn the_command_refuses_with_exit_code_2_and_leaves_no_file() -> Tested {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("good.toml"), GOOD)?;

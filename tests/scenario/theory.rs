@@ -1,21 +1,10 @@
 //! Captures against their own truth and against closed forms.
 
 use super::correlator::{code_sigma, doppler_sigma, measure, periods};
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested};
 use num_complex::Complex32;
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("code_carrier_and_doppler_of_a_dynamic_capture_agree_with_its_truth", dynamic),
-        Trial::test("measured_cn0_is_the_one_asked_for_and_fades_as_asked", cn0),
-        Trial::test("any_blocks_give_the_same_samples_and_seeds_differ", blocks),
-        Trial::test("satellites_and_noise_draw_from_streams_of_their_own", streams),
-        Trial::test("an_experimenters_front_end_takes_the_place_of_the_standard_one", swapped),
-        Trial::test("the_scenarios_of_the_repository_are_complete", shipped),
-    ]
-}
 
 const BASE: &str = r#"
 start = "2190:525600"
@@ -44,7 +33,8 @@ pub fn samples(source: &mut ScenarioSource, len: usize) -> Result<Vec<Complex32>
     Ok(all)
 }
 
-fn dynamic() -> Result<(), Failed> {
+#[test]
+fn code_carrier_and_doppler_of_a_dynamic_capture_agree_with_its_truth() -> Tested {
     let rate = 4.1e6;
     let scenario = scenario(&format!(
         "motion.circle = {{ radius_m = 30.0, speed_mps = 30.0 }}
@@ -86,7 +76,8 @@ fn dynamic() -> Result<(), Failed> {
     Ok(())
 }
 
-fn cn0() -> Result<(), Failed> {
+#[test]
+fn measured_cn0_is_the_one_asked_for_and_fades_as_asked() -> Tested {
     for (asked, fading, expected) in [(38.0, "[]", 38.0), (50.0, "[[0.0, 0.0], [0.1, -6.0]]", 44.0)]
     {
         let scenario = Scenario {
@@ -107,7 +98,8 @@ fn cn0() -> Result<(), Failed> {
     Ok(())
 }
 
-fn blocks() -> Result<(), Failed> {
+#[test]
+fn any_blocks_give_the_same_samples_and_seeds_differ() -> Tested {
     let mut scenario = Scenario {
         duration_s: 0.03,
         ..scenario(
@@ -130,7 +122,8 @@ fn blocks() -> Result<(), Failed> {
     Ok(())
 }
 
-fn streams() -> Result<(), Failed> {
+#[test]
+fn satellites_and_noise_draw_from_streams_of_their_own() -> Tested {
     let with = |satellites: &[&str], noise: bool| -> Result<Vec<Complex32>, Failed> {
         let list = satellites.iter().map(|s| s.parse()).collect::<Result<Vec<_>, _>>()?;
         let scenario = Scenario {
@@ -152,7 +145,8 @@ fn streams() -> Result<(), Failed> {
     Ok(())
 }
 
-fn swapped() -> Result<(), Failed> {
+#[test]
+fn an_experimenters_front_end_takes_the_place_of_the_standard_one() -> Tested {
     struct Mirror;
     impl FrontEnd for Mirror {
         fn delay(&self) -> usize {
@@ -171,7 +165,8 @@ fn swapped() -> Result<(), Failed> {
     Ok(())
 }
 
-fn shipped() -> Result<(), Failed> {
+#[test]
+fn the_scenarios_of_the_repository_are_complete() -> Tested {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("signals");
     let mut count = 0;
     for entry in std::fs::read_dir(folder)? {

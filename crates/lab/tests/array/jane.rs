@@ -1,6 +1,6 @@
 //! JANE: number and angles of sources, false alarms, deviations.
 
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested};
 use nalgebra::Vector3;
 use num_complex::Complex64;
 use sdr_rx::array::{
@@ -11,21 +11,6 @@ use sdr_rx::gnss::antenna::AntennaArray;
 use sdr_rx::gnss::random::SplitMix64;
 use sdr_rx_lab::Scene;
 use sdr_rx_lab::detection::detect;
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("jane_finds_the_reference_angles_with_and_without_a_start", reference_angles),
-        Trial::test(
-            "jane_finds_four_sources_down_to_minus_25_db_at_the_bound",
-            down_to_minus_25_db,
-        ),
-        Trial::test("jane_finds_sources_with_few_elements", few_elements),
-        Trial::test("noise_alone_raises_as_many_alarms_as_asked_for", false_alarms),
-        Trial::test("jane_finds_directions_of_a_plane_within_their_deviations", plane),
-        Trial::test("a_covariance_tells_satellites_far_below_the_noise", covariance),
-        Trial::test("a_known_error_of_the_elements_makes_no_sources", mismatch),
-    ]
-}
 
 fn line(elements: usize) -> Manifold {
     Manifold::new(AntennaArray::half_wavelength(elements))
@@ -38,7 +23,8 @@ fn angles(sources: &[Source]) -> Vec<f64> {
     angles
 }
 
-fn reference_angles() -> Result<(), Failed> {
+#[test]
+fn jane_finds_the_reference_angles_with_and_without_a_start() -> Tested {
     let jane = Jane::new(&line(50), JaneOptions::default())?;
     // Of an independent implementation of the same maximum; two implementations of the likelihood's details
     // agree to a few parts of the deviation, 0.0007 and 0.025 deg.
@@ -63,7 +49,8 @@ fn reference_angles() -> Result<(), Failed> {
     Ok(())
 }
 
-fn down_to_minus_25_db() -> Result<(), Failed> {
+#[test]
+fn jane_finds_four_sources_down_to_minus_25_db_at_the_bound() -> Tested {
     // The root mean square of 100 errors has a standard deviation of 7 %; the maximum likelihood lies at the
     // bound from -5 dB up, and 30 % above it at -20 dB, where the signals are hardly known.
     for (snr, limit) in [(-25.0, f64::INFINITY), (-20.0, 1.5), (-5.0, 1.15), (20.0, 1.15)] {
@@ -77,7 +64,8 @@ fn down_to_minus_25_db() -> Result<(), Failed> {
     Ok(())
 }
 
-fn few_elements() -> Result<(), Failed> {
+#[test]
+fn jane_finds_sources_with_few_elements() -> Tested {
     let paper = detect(&Scene { elements: 16, ..Scene::default() }, 25, 1)?;
     assert!(paper.right == 1.0 && paper.error_deg <= 0.016, "{paper:?}");
     let eight = Scene { elements: 8, angles_deg: vec![-35.0, 3.0, 45.0], ..Scene::default() };
@@ -90,7 +78,8 @@ fn few_elements() -> Result<(), Failed> {
     Ok(())
 }
 
-fn false_alarms() -> Result<(), Failed> {
+#[test]
+fn noise_alone_raises_as_many_alarms_as_asked_for() -> Tested {
     // One in fifty is asked for, so that 2000 runs tell: binomial, mean 40, deviation 6.3. What the law of the
     // noise takes from the data makes alarms rarer rather than more frequent.
     for (elements, share) in [(4, 0.1), (8, 0.0), (16, 0.3)] {
@@ -115,7 +104,8 @@ fn false_alarms() -> Result<(), Failed> {
 }
 
 /// Four by four elements, half a wavelength apart, and unit noise with a tenth of impulses.
-fn plane() -> Result<(), Failed> {
+#[test]
+fn jane_finds_directions_of_a_plane_within_their_standard_deviations() -> Tested {
     let half = sdr_rx::gnss::constants::L1_WAVELENGTH / 2.0;
     let at = |k: usize| Vector3::new((k % 4) as f64 * half, (k / 4) as f64 * half, 0.0);
     let manifold = Manifold::new(AntennaArray::new((0..16).map(at).collect()));
@@ -189,7 +179,8 @@ fn satellites(
     (sum * faer::Scale(Complex64::from(1.0 / samples as f64)), sines)
 }
 
-fn covariance() -> Result<(), Failed> {
+#[test]
+fn a_covariance_tells_satellites_far_below_the_noise() -> Tested {
     // Elements, satellites, samples (10 or 20 ms), runs, root mean square error of an independent
     // implementation (deg).
     for (elements, count, samples, runs, error_deg) in
@@ -219,7 +210,8 @@ fn covariance() -> Result<(), Failed> {
     Ok(())
 }
 
-fn mismatch() -> Result<(), Failed> {
+#[test]
+fn a_known_error_of_the_elements_makes_no_sources() -> Tested {
     // One source 35 dB over the noise of an element; gains and phases wrong by 5 % and 0.05 rad: errors of
     // power 0.005 make what looks like further sources 12 dB over the noise, unless they are allowed for.
     let manifold = line(8);

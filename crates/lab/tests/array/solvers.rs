@@ -1,8 +1,7 @@
 //! The sparse solvers on the paper's scene: vectors and figures of an independent implementation (numpy,
 //! Clarabel for the optimum).
 
-use crate::common::data_trial;
-use libtest_mimic::{Failed, Trial};
+use crate::common::{Failed, Tested, data};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use sdr_rx::array::sparse::l1_admm::{self, AdmmPlan, AdmmSettings};
@@ -12,34 +11,15 @@ use sdr_rx::array::{CMat, Engine, Penalty, SparseError, SparseOptions, paper_dic
 use sdr_rx_lab::Scene;
 use sdr_rx_lab::baselines::{cvx_l11, cvx_l21, dg_l21, efrs, lrma_svt};
 use serde_json::Value;
-use std::path::Path;
 
 /// Degrees of the paper's grid.
 const GRID: usize = 31;
 
-pub fn trials() -> Vec<Trial> {
-    type Test = fn() -> Result<(), Failed>;
-    let plain: [(&str, Test); 7] = [
-        ("optimum of the joint l1,1 problem and of its row variant", optima),
-        ("mean errors over ten seeds are the reference's", mean_errors),
-        ("LDA-l1,1 diverges beyond its bound, and stalls with the printed step", limits),
-        ("LDA-l1,1 and ADMM reach the same objective", same_objective),
-        (
-            "an array that is not alike from both ends: the same optimum in complex numbers",
-            lopsided,
-        ),
-        ("the methods of comparison reach their optima", baselines),
-        ("what cannot be solved is refused with its reason", refusals),
-    ];
-    let plain = plain.into_iter().map(|(name, test)| Trial::test(name, test));
-    plain.chain([data_trial("trace of LDA-l1,1 and optimum of the vectors", vectors)]).collect()
-}
-
-fn ensure(holds: bool, message: impl FnOnce() -> String) -> Result<(), Failed> {
+fn ensure(holds: bool, message: impl FnOnce() -> String) -> Tested {
     if holds { Ok(()) } else { Err(message().into()) }
 }
 
-fn within(what: &str, got: f64, expected: f64, relative: f64) -> Result<(), Failed> {
+fn within(what: &str, got: f64, expected: f64, relative: f64) -> Tested {
     ensure((got / expected - 1.0).abs() <= relative, || {
         format!("{what}: {got}, expected {expected} within {relative}")
     })
@@ -58,7 +38,9 @@ fn scene(seed: u64, snapshots: usize) -> (CMat, CMat) {
     (drawn.y, truth)
 }
 
-fn vectors(data: &Path) -> Result<(), Failed> {
+#[test]
+fn trace_of_lda_l11_and_optimum_are_those_of_the_vectors() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
     let text = std::fs::read_to_string(data.join("vectors/array_scene1.json"))?;
     let vectors: Value = serde_json::from_str(&text)?;
     let a = paper_dictionary(50);
@@ -108,7 +90,8 @@ fn exact(gamma: f64, penalty: Penalty) -> AdmmSettings {
     AdmmSettings { gamma, penalty, gap: 2e-6, iterations: 20_000, ..AdmmSettings::default() }
 }
 
-fn optima() -> Result<(), Failed> {
+#[test]
+fn the_joint_l11_problem_and_its_row_variant_reach_their_optimum() -> Tested {
     let a = paper_dictionary(50);
     let plan = AdmmPlan::new(&a)?;
     let (y, _) = scene(1, 8);
@@ -136,7 +119,8 @@ fn optima() -> Result<(), Failed> {
     Ok(())
 }
 
-fn mean_errors() -> Result<(), Failed> {
+#[test]
+fn mean_errors_over_ten_seeds_are_those_of_the_reference() -> Tested {
     let a = paper_dictionary(50);
     let mean = |estimate: &(dyn Fn(&CMat) -> Result<CMat, SparseError> + Sync)| {
         let error = |seed: u64| {
@@ -159,7 +143,8 @@ fn mean_errors() -> Result<(), Failed> {
     within("LDA-l1,1", mean(&lda)?, 1.24e-3, 0.05)
 }
 
-fn limits() -> Result<(), Failed> {
+#[test]
+fn lda_l11_diverges_beyond_its_bound_and_stalls_with_the_printed_step() -> Tested {
     let a = paper_dictionary(50);
     let (y, truth) = scene(1, 8);
     let beyond = LdaSettings { mu: 0.066, ..LdaSettings::default() };
@@ -177,7 +162,8 @@ fn limits() -> Result<(), Failed> {
     Ok(())
 }
 
-fn same_objective() -> Result<(), Failed> {
+#[test]
+fn lda_l11_and_admm_reach_the_same_objective() -> Tested {
     let a = paper_dictionary(50);
     let (y, _) = scene(2, 32);
     let admm = SparseOptions { gamma: Some(5.0), ..SparseOptions::default() };
@@ -202,7 +188,8 @@ fn same_objective() -> Result<(), Failed> {
 
 /// Elements of unequal gain: no real form, so that the products are complex; the objective is that of the plain
 /// solver in double precision all the same.
-fn lopsided() -> Result<(), Failed> {
+#[test]
+fn an_array_not_alike_from_both_ends_has_the_same_optimum_in_complex_numbers() -> Tested {
     let (plain, (y, _)) = (paper_dictionary(50), scene(1, 20));
     let a = CMat::from_fn(50, GRID, |m, l| plain[(m, l)] * (1.0 + 0.01 * m as f64));
     let exact = AdmmSettings { gap: 1e-6, iterations: 20_000, ..AdmmSettings::default() };
@@ -218,7 +205,8 @@ fn lopsided() -> Result<(), Failed> {
     within("objective after 3000", plan.solve(&y, &count(3000))?.objective, optimum, 1e-5)
 }
 
-fn baselines() -> Result<(), Failed> {
+#[test]
+fn the_methods_of_comparison_reach_their_optima() -> Tested {
     let a = paper_dictionary(50);
     let (y, truth) = scene(1, 8);
     let row_norms = |m: &CMat| m.row_iter().map(|row| row.norm_l2()).sum::<f64>();
@@ -239,7 +227,8 @@ fn baselines() -> Result<(), Failed> {
     ensure(fit < 1.5e-3 && nmse(&x, &truth) > 0.3, || format!("LRMA-SVT: {fit}"))
 }
 
-fn refusals() -> Result<(), Failed> {
+#[test]
+fn what_cannot_be_solved_is_refused_with_its_reason() -> Tested {
     let a = paper_dictionary(50);
     let (y, _) = scene(1, 2);
     let options = SparseOptions::default();

@@ -1,13 +1,10 @@
 //! The experiment on the paper's figures, on one network.
 
-use libtest_mimic::{Failed, Trial};
+use crate::common::Tested;
 use sdr_rx_lab::distributed_ls::{Effort, run};
 
-pub fn trials() -> Vec<Trial> {
-    vec![Trial::test("figures_9_and_10_hold_and_the_printed_form_does_not", verdicts)]
-}
-
-fn verdicts() -> Result<(), Failed> {
+#[test]
+fn figures_9_and_10_hold_and_the_printed_form_does_not() -> Tested {
     let outcome = run(1, Effort { networks: 1, limit: 600, epochs: 12 }, &|_| ())?;
     for claim in &outcome.claims {
         let expected = match claim.place {

@@ -1,6 +1,6 @@
 //! Quality control without a centre: the laws of the tests, and a fault that every node names.
 
-use libtest_mimic::{Failed, Trial};
+use crate::common::Tested;
 use rayon::prelude::*;
 use sdr_rx::gnss::random::SplitMix64;
 use sdr_rx::network::consensus::{NodeOptions, Rule};
@@ -12,15 +12,6 @@ use sdr_rx::network::sim::{self, Conditions, Simulation};
 use sdr_rx::network::solver::{Agreement, Solver};
 use sdr_rx::network::station::Station;
 use sdr_rx::network::{Constraints, Datum, LinearModel, NetworkError, Normals, Solution};
-
-pub fn trials() -> Vec<Trial> {
-    vec![
-        Trial::test("two_thousand_draws_follow_the_laws_of_the_tests", laws),
-        Trial::test("forty_rounds_give_each_node_the_tests_of_the_centre", forty_rounds),
-        Trial::test("a_faulty_receiver_is_named_by_every_node_and_taken_out", fault),
-        Trial::test("a_network_in_order_keeps_its_observations", in_order),
-    ]
-}
 
 fn centre(models: &[LinearModel], datum: Datum) -> Result<Solution, NetworkError> {
     let mut sum = Normals::none(SATELLITES);
@@ -38,7 +29,8 @@ struct Counts {
     misfit: f64,
 }
 
-fn laws() -> Result<(), Failed> {
+#[test]
+fn two_thousand_draws_follow_the_distributions_of_the_tests() -> Tested {
     const DRAWS: u64 = 2000;
     let (levels, datum) = (Levels::default(), Datum::Observed);
     let scene = Scene::new(Layout::Hubs, 1)?;
@@ -110,7 +102,8 @@ fn stations(
     models.iter().enumerate().map(station).collect()
 }
 
-fn forty_rounds() -> Result<(), Failed> {
+#[test]
+fn forty_rounds_give_each_node_the_tests_of_the_centre() -> Tested {
     let datum = Datum::Observed;
     let scene = Scene::new(Layout::Hubs, 1)?;
     let models = scene.models(0, datum, &mut SplitMix64::new(1));
@@ -171,13 +164,7 @@ fn run(
 }
 
 /// Two minimal detectable biases in an observation of a receiver, which sees two satellites or more than two.
-fn one_fault(
-    datum: Datum,
-    solver: Solver,
-    links: Links,
-    seed: u64,
-    twins: bool,
-) -> Result<(), Failed> {
+fn one_fault(datum: Datum, solver: Solver, links: Links, seed: u64, twins: bool) -> Tested {
     let scene = Scene::new(Layout::Hubs, 1)?;
     let mut rng = SplitMix64::new(seed);
     let mut models = scene.models(0, datum, &mut rng);
@@ -230,7 +217,8 @@ fn one_fault(
     Ok(())
 }
 
-fn fault() -> Result<(), Failed> {
+#[test]
+fn a_faulty_receiver_is_named_by_every_node_and_taken_out() -> Tested {
     let in_step = (1..=6).flat_map(|seed| {
         [Datum::Observed, Datum::ZeroMean].map(|datum| (datum, Solver::Info, Links::InStep, seed))
     });
@@ -248,7 +236,8 @@ fn fault() -> Result<(), Failed> {
     Ok(())
 }
 
-fn in_order() -> Result<(), Failed> {
+#[test]
+fn a_network_in_order_keeps_its_observations() -> Tested {
     let (datum, scene) = (Datum::Observed, Scene::new(Layout::Bridges, 2)?);
     let (agreement, plan) = agreement(&scene, datum, Solver::Info)?;
     let options = NodeOptions { relaxation: plan.relaxation, ..NodeOptions::default() };

@@ -1,0 +1,9 @@
+//! The array stages against an independent reference and theory (some need `SDR_RX_DATA`).
+
+mod capture;
+mod code_period_svd;
+#[path = "../common/mod.rs"]
+mod common;
+mod jammer;
+mod routes;
+mod sky;
