@@ -5,12 +5,11 @@ use super::live::Live;
 use super::output::{self, Printed};
 use super::receive::{self, Receive, Solve};
 use anyhow::{Context, ensure};
-use sdr_rx::capture::SampleSource;
-use sdr_rx::receiver::{Event, Receiver, Recorder, Task, drive};
+use sdr_rx::capture::{Block, SampleSource};
+use sdr_rx::receiver::{Event, Receiver, ReceiverError, Recorder, Task};
 use sdr_rx::report::{OutputDir, write_check};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::{Mutex, PoisonError};
 
 /// From a capture to a position
 ///
@@ -61,21 +60,23 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
         live.write_events(path, &args.receive.input.name())
             .with_context(|| format!("writing events to '{}'", path.display()))?;
     }
-    let live = Mutex::new(live);
-    let lock = || live.lock().unwrap_or_else(PoisonError::into_inner);
 
     let interrupt = Interrupt::new().context("waiting for Ctrl-C")?;
     let mut receiver = Receiver::new(&info, options.clone(), Task::Track)?;
     let mut source = Interruptible::new(source, receiver.chunk(), interrupt.clone());
     let mut recorder = Recorder::default();
-    let mut tell = |event: Event| {
-        recorder.take(&event);
-        lock().take(&event);
+    let mut tell = |event: &Event, live: &mut Live| {
+        recorder.take(event);
+        live.take(event);
     };
-    drive(&mut source, &mut receiver, &mut tell, &mut |done| lock().progress(done))?;
-    let end = receiver.finish(&mut tell)?;
+    let (mut block, chunk) = (Block::default(), receiver.chunk());
+    while source.read(&mut block, chunk).map_err(ReceiverError::Source)? > 0 {
+        receiver.push(&mut block, &mut |event| tell(&event, &mut live))?;
+        live.progress(receiver.samples());
+    }
+    let end = receiver.finish(&mut |event| tell(&event, &mut live))?;
     let record = recorder.finish(end, &options, source.warnings());
-    live.into_inner().unwrap_or_else(PoisonError::into_inner).finish().context("writing events")?;
+    live.finish().context("writing events")?;
 
     let interrupted = interrupt.pressed();
     let advice = match interrupted {

@@ -400,33 +400,7 @@ fn look_at(
     Ok(see(survey.sky, &found, rate_hz, interference, options))
 }
 
-/// Reads a source to its end, or as far as the task needs it, into a receiver; `progress` is told the samples taken
-/// after each chunk.
-///
-/// # Errors
-/// When the source fails, or those of [`Receiver::push`].
-pub fn drive(
-    source: &mut dyn SampleSource,
-    receiver: &mut Receiver,
-    tell: &mut Tell,
-    progress: &mut dyn FnMut(u64),
-) -> Result<(), ReceiverError> {
-    let chunk = receiver.chunk();
-    let (mut block, mut next) = (Block::default(), Block::default());
-    source.read(&mut block, chunk)?;
-    while !block.is_empty() && !receiver.is_done() {
-        // While the receiver works, the next chunk is read.
-        let (read, pushed) =
-            rayon::join(|| source.read(&mut next, chunk), || receiver.push(&mut block, tell));
-        pushed?;
-        progress(receiver.samples());
-        read?;
-        std::mem::swap(&mut block, &mut next);
-    }
-    Ok(())
-}
-
-/// A whole run with its record.
+/// A source read to its end, or as far as the task needs it, into the record of the run.
 fn run(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
@@ -436,7 +410,19 @@ fn run(
     let mut receiver = Receiver::new(source.info(), options.clone(), task)?;
     let mut recorder = Recorder::default();
     let mut tell = |event: Event| recorder.take(&event);
-    drive(source, &mut receiver, &mut tell, progress)?;
+    let chunk = receiver.chunk();
+    let (mut block, mut next) = (Block::default(), Block::default());
+    source.read(&mut block, chunk)?;
+    while !block.is_empty() && !receiver.is_done() {
+        // While the receiver works, the next chunk is read. (A source that waits for a thread which itself needs
+        // rayon's must not be read so: it would wait for itself.)
+        let (read, pushed) =
+            rayon::join(|| source.read(&mut next, chunk), || receiver.push(&mut block, &mut tell));
+        pushed?;
+        progress(receiver.samples());
+        read?;
+        std::mem::swap(&mut block, &mut next);
+    }
     let end = receiver.finish(&mut tell)?;
     Ok(recorder.finish(end, options, source.warnings()))
 }
@@ -444,7 +430,7 @@ fn run(
 /// [`Task::Acquire`] on a source.
 ///
 /// # Errors
-/// Those of [`drive`].
+/// When the source fails, or those of [`Receiver::push`].
 pub fn acquire(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
@@ -456,7 +442,7 @@ pub fn acquire(
 /// [`Task::Look`] on a source.
 ///
 /// # Errors
-/// Those of [`drive`].
+/// When the source fails, or those of [`Receiver::push`].
 pub fn look(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
@@ -468,7 +454,7 @@ pub fn look(
 /// [`Task::Track`] on a source. `progress` is told the samples done after each chunk.
 ///
 /// # Errors
-/// Those of [`drive`].
+/// When the source fails, or those of [`Receiver::push`].
 pub fn process(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,

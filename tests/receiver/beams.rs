@@ -178,7 +178,8 @@ fn a_jammer_that_comes_up_is_removed_and_reported() -> Tested {
     let told = |w: &String| w.contains("a jammer") && w.contains("from -50.");
     let last = outcome.epochs.last().map_or(0, |e| e.observations.len());
     let suspected = outcome.sky_epochs.iter().any(|e| !e.sky.warnings().is_empty());
-    if outcome.notices.iter().map(ToString::to_string).any(|w| told(&w)) && last == 5 && !suspected {
+    if outcome.notices.iter().map(ToString::to_string).any(|w| told(&w)) && last == 5 && !suspected
+    {
         Ok(())
     } else {
         Err(format!("{:?}, {last} satellites at the end", outcome.notices).into())

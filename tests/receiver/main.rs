@@ -13,4 +13,5 @@ mod program;
 mod real_captures;
 mod scenarios;
 mod snapshots;
+mod stream;
 mod unknown_time;
