@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod array_sky;
+mod error;
 mod files;
 mod geojson;
 mod heat_map;
@@ -20,7 +21,8 @@ mod table;
 
 pub use accuracy::{Accuracy, Reference};
 pub use array_sky::array_sky_table;
-pub use files::{OutputDir, ReportError, write_all, write_atomically};
+pub use error::ReportError;
+pub use files::{OutputDir, write_all, write_atomically};
 pub use geojson::geojson;
 pub use heat_map::HeatMap;
 pub use html::html;

@@ -1,11 +1,9 @@
 //! Jammers: a tone, a chirp or noise from one direction.
 
-use super::Scenario;
 use super::direction::Direction;
 use super::kernel::{add_weighted, mix_add};
 use super::noise::{GaussianMixture, NoiseSource};
 use super::values;
-use crate::gnss::antenna::AntennaArray;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -97,27 +95,28 @@ pub(super) struct Interference {
 }
 
 impl Interference {
-    /// The jammers of a scenario at the elements of the `array`, or at one antenna.
-    pub fn all(scenario: &Scenario, array: Option<&AntennaArray>) -> Result<Vec<Self>, String> {
+    /// The jammer at elements that answer its direction `towards` with `response`, over background noise of the
+    /// `variance`; its noise is the stream `k` of the jammers.
+    pub fn new(
+        jammer: &Jammer,
+        towards: Unit<Vector3<f64>>,
+        response: &[Complex64],
+        (variance, rate_hz): (f64, f64),
+        (seed, k): (u64, usize),
+    ) -> Self {
         let white = GaussianMixture { share: 0.0, ratio: 1.0 };
-        let interference = |(k, jammer): (usize, &Jammer)| {
-            let towards = jammer.direction.towards(scenario.array.as_ref())?;
-            let amplitude =
-                (scenario.noise.background_variance * 10f64.powf(jammer.power_db / 10.0)).sqrt();
-            let response = array.map_or(vec![Complex64::ONE], |a| a.response(&towards));
-            Ok(Self {
-                jammer: jammer.clone(),
-                towards,
-                rate_hz: scenario.front_end.rate_hz,
-                noise: NoiseSource::new(white, scenario.seed, FIRST_STREAM + k),
-                weights: response.iter().map(|a| a * amplitude).collect(),
-                re: Vec::new(),
-                im: Vec::new(),
-                ones: Vec::new(),
-                is_silent: true,
-            })
-        };
-        scenario.jammers.iter().enumerate().map(interference).collect()
+        let amplitude = (variance * 10f64.powf(jammer.power_db / 10.0)).sqrt();
+        Self {
+            jammer: jammer.clone(),
+            towards,
+            rate_hz,
+            noise: NoiseSource::new(white, seed, FIRST_STREAM + k),
+            weights: response.iter().map(|a| a * amplitude).collect(),
+            re: Vec::new(),
+            im: Vec::new(),
+            ones: Vec::new(),
+            is_silent: true,
+        }
     }
 
     /// The jammer.
