@@ -36,11 +36,14 @@ const WIDE_HZ: f64 = 26e3;
 /// A way of reading a capture: what differs from the one that was asked for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reading {
-    format: Option<&'static str>,
-    rate_hz: Option<f64>,
-    if_hz: Option<f64>,
-    /// Searched for Dopplers up to [`WIDE_HZ`].
-    wide_doppler: bool,
+    /// Sample type.
+    pub format: Option<&'static str>,
+    /// Sampling rate, Hz.
+    pub rate_hz: Option<f64>,
+    /// Intermediate frequency, Hz.
+    pub if_hz: Option<f64>,
+    /// Dopplers are searched up to this, Hz.
+    pub doppler_hz: Option<f64>,
 }
 
 impl Reading {
@@ -49,17 +52,6 @@ impl Reading {
         options.format = self.format.map(str::to_owned).or(options.format.take());
         options.rate_hz = self.rate_hz.or(options.rate_hz);
         options.if_hz = self.if_hz.or(options.if_hz);
-    }
-
-    /// The options that a person would give.
-    fn option(&self) -> String {
-        let parts = [
-            self.format.map(|f| format!("--format {f}")),
-            self.rate_hz.map(|r| format!("--rate {r}")),
-            self.if_hz.map(|f| format!("--if {f}")),
-            self.wide_doppler.then(|| format!("--doppler-max {WIDE_HZ}")),
-        ];
-        parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
 
     /// All readings that are worth a try, beside the one asked for; the likelier first.
@@ -85,16 +77,32 @@ impl Reading {
                 list.push(Self { if_hz: Some(if_hz), ..Self::default() });
             }
         }
-        list.push(Self { wide_doppler: true, ..Self::default() });
+        list.push(Self { doppler_hz: Some(WIDE_HZ), ..Self::default() });
         list
     }
+}
+
+/// What is probably wrong, or what to try.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Advice {
+    /// Read in another way, the capture shows satellites.
+    Read {
+        /// The other way.
+        reading: Reading,
+        /// How many satellites it shows.
+        satellites: usize,
+    },
+    /// No usual way of reading shows satellites.
+    NothingFound,
+    /// What the level statistics say against the sample type.
+    Level(String),
 }
 
 /// Opens the capture in another way; None where that is impossible.
 pub type Open<'a> = dyn Fn(&Reading) -> Option<Box<dyn SampleSource>> + 'a;
 
 /// What is probably wrong, and what to try. `found` satellites were found as the capture was read.
-pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> {
+pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<Advice> {
     let mut advice = Vec::new();
     let Some(source) = open(&Reading::default()) else { return advice };
     let info = source.info().clone();
@@ -109,8 +117,8 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
         .into_iter()
         .filter_map(|reading| {
             let mut search = search.clone();
-            if reading.wide_doppler {
-                search.doppler_hz = (-WIDE_HZ, WIDE_HZ);
+            if let Some(most) = reading.doppler_hz {
+                search.doppler_hz = (-most, most);
             }
             let sky = satellites(open(&reading)?, &search)?;
             Some((reading, sky))
@@ -118,13 +126,11 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<String> 
         .reduce(|best, next| if next.1.shows_more_than(&best.1) { next } else { best });
     match best {
         Some((reading, Sky { count, .. })) if count >= FEW && count > found => {
-            advice.push(format!("{count} satellites are there with {}: try it", reading.option()));
+            advice.push(Advice::Read { reading, satellites: count });
         }
-        _ => advice.push(
-            "next to no satellite was found, in any usual sample type, rate or intermediate frequency: was the antenna connected and under the sky, and the receiver tuned to 1575.42 MHz? `sdr-rx info` shows level and spectrum".to_owned(),
-        ),
+        _ => advice.push(Advice::NothingFound),
     }
-    advice.extend(level_doubts(open));
+    advice.extend(level_doubts(open).into_iter().map(Advice::Level));
     advice
 }
 

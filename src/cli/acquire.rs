@@ -2,6 +2,7 @@
 
 use super::output::{self, Printed};
 use super::receive::{self, Receive};
+use super::words;
 use sdr_rx::receiver;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,6 +30,7 @@ pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
     let options = args.receive.options(&info);
     anyhow::ensure!(args.seconds > 0.0, "--seconds must be above 0");
     let mut outcome = receiver::acquire(source.as_mut(), &options, args.seconds)?;
+    outcome.warnings.splice(0..0, words::notes(source.as_ref()));
     output::advise(&args.receive, &options, &mut outcome);
     Printed {
         receive: &args.receive,

@@ -2,6 +2,7 @@
 
 use super::output::Printed;
 use super::receive::{self, Receive};
+use super::words;
 use anyhow::Context;
 use sdr_rx::receiver;
 use sdr_rx::report::{arrival_plot, write_atomically};
@@ -33,7 +34,8 @@ pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     let mut source = args.receive.input.open()?;
     let info = source.info().clone();
     let options = args.receive.options(&info);
-    let outcome = receiver::look(source.as_mut(), &options, args.seconds)?;
+    let mut outcome = receiver::look(source.as_mut(), &options, args.seconds)?;
+    outcome.warnings.splice(0..0, words::notes(source.as_ref()));
     let sky = outcome.sky.as_ref();
     if let (Some(path), Some(sky)) = (&args.svg, sky) {
         write_atomically(path, arrival_plot(sky, &[])?.as_bytes())

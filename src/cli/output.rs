@@ -1,6 +1,7 @@
 //! How `process` and `acquire` print and write what they found.
 
 use super::receive::Receive;
+use super::words;
 use sdr_rx::acquisition::{Acquisition, Refined};
 use sdr_rx::advice::{self, Reading};
 use sdr_rx::capture::{self, StreamInfo};
@@ -117,5 +118,6 @@ pub fn advise(receive: &Receive, options: &ReceiverOptions, outcome: &mut Outcom
         reading.apply(&mut open);
         capture::open(&receive.input.captures, &open).ok()
     };
-    outcome.warnings.extend(advice::advise(&open, &options.search, found));
+    let advised = advice::advise(&open, &options.search, found);
+    outcome.warnings.extend(advised.iter().map(words::advised));
 }

@@ -2,6 +2,7 @@
 
 use super::output::{self, Printed};
 use super::receive::{self, Receive, Solve};
+use super::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdr_rx::receiver;
 use std::path::PathBuf;
@@ -40,6 +41,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
         receiver::process(source.as_mut(), &options, &mut |done| bar.set_position(done * step));
     bar.finish_and_clear();
     let mut outcome = outcome.map_err(anyhow::Error::from)?;
+    outcome.warnings.splice(0..0, words::notes(source.as_ref()));
     output::advise(&args.receive, &options, &mut outcome);
     let printed = Printed {
         receive: &args.receive,

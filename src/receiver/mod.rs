@@ -157,7 +157,6 @@ pub fn acquire(
     )?;
     outcome.noise = input.noise();
     judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
 
@@ -188,7 +187,6 @@ pub fn look(
     }
     outcome.noise = input.noise();
     judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
 
@@ -219,7 +217,6 @@ pub fn process(
     }
     outcome.noise = input.noise();
     judge_sky(&mut outcome, input.rate_hz(), options);
-    outcome.warnings.splice(0..0, input.source.warnings());
     Ok(outcome)
 }
 
