@@ -28,7 +28,7 @@ pub enum JammerKind {
 /// A jammer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Jammer {
+pub struct JammerSettings {
     /// What it sends.
     pub kind: JammerKind,
     /// Its power over that of the background noise at an ideal element, dB.
@@ -57,7 +57,7 @@ fn millisecond() -> f64 {
     1e-3
 }
 
-impl Jammer {
+impl JammerSettings {
     /// Phase at `t` seconds, cycles: the integral of the frequency f + sweep (x - 1/2) with
     /// x = t / period modulo 1, which is f t + sweep period (x^2 - x) / 2.
     fn phase(&self, t: f64) -> f64 {
@@ -82,7 +82,7 @@ impl Jammer {
 
 /// What a jammer adds to the elements over a batch of samples.
 pub(super) struct Interference {
-    jammer: Jammer,
+    jammer: JammerSettings,
     /// Direction (east, north, up).
     pub towards: Unit<Vector3<f64>>,
     rate_hz: f64,
@@ -98,7 +98,7 @@ impl Interference {
     /// The jammer at elements that answer its direction `towards` with `response`, over background noise of the
     /// `variance`; its noise is the stream `k` of the jammers.
     pub fn new(
-        jammer: &Jammer,
+        jammer: &JammerSettings,
         towards: Unit<Vector3<f64>>,
         response: &[Complex64],
         (variance, rate_hz): (f64, f64),
@@ -120,7 +120,7 @@ impl Interference {
     }
 
     /// The jammer.
-    pub fn jammer(&self) -> &Jammer {
+    pub fn jammer(&self) -> &JammerSettings {
         &self.jammer
     }
 

@@ -2,7 +2,7 @@
 
 use super::element::Element;
 use super::emission::{Emission, SEGMENTS, amplitude};
-use super::jammer::{Interference, Jammer};
+use super::jammer::{Interference, JammerSettings};
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
@@ -72,7 +72,7 @@ impl ScenarioSource {
         let emitters = scenario.emitters(frame as f64 / rate)?;
         let array = scenario.array.as_ref().map(ArrayDescription::real_in_enu);
         let channels = array.as_ref().map_or(1, AntennaArray::len);
-        let jammer = |(k, jammer): (usize, &Jammer)| {
+        let jammer = |(k, jammer): (usize, &JammerSettings)| {
             let towards = jammer.direction.towards(scenario.array.as_ref())?;
             let response = array.as_ref().map_or(vec![Complex64::ONE], |a| a.response(&towards));
             let levels = (scenario.noise.background_variance, rate);

@@ -4,7 +4,7 @@ mod document;
 mod spatial;
 mod write;
 
-pub use document::{Bearing, Capture, CartesianPoint, Extension, Global, Metadata};
+pub use document::{ApertureBearing, Capture, CartesianPoint, Extension, Global, Metadata};
 pub(in crate::capture) use spatial::joined;
 pub use write::SigmfWriter;
 
