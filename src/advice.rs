@@ -38,23 +38,12 @@ const WIDE_HZ: f64 = 26e3;
 pub struct Reading {
     /// Sample type.
     pub format: Option<&'static str>,
-    /// Samples a second.
+    /// Sampling rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Where the carrier lies, Hz.
+    /// Intermediate frequency, Hz.
     pub if_hz: Option<f64>,
-    /// Maximum Doppler that is searched, Hz.
+    /// Dopplers are searched up to this, Hz.
     pub doppler_hz: Option<f64>,
-}
-
-/// What is probably wrong.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Advice {
-    /// So many satellites are there when the capture is read in another way.
-    Read(usize, Reading),
-    /// No usual way of reading shows satellites.
-    Nothing,
-    /// Something about the level of the samples.
-    Level(String),
 }
 
 impl Reading {
@@ -93,6 +82,22 @@ impl Reading {
     }
 }
 
+/// What is probably wrong, or what to try.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Advice {
+    /// Read in another way, the capture shows satellites.
+    Read {
+        /// The other way.
+        reading: Reading,
+        /// How many satellites it shows.
+        satellites: usize,
+    },
+    /// No usual way of reading shows satellites.
+    NothingFound,
+    /// What the level statistics say against the sample type.
+    Level(String),
+}
+
 /// Opens the capture in another way; None where that is impossible.
 pub type Open<'a> = dyn Fn(&Reading) -> Option<Box<dyn SampleSource>> + 'a;
 
@@ -121,9 +126,9 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<Advice> 
         .reduce(|best, next| if next.1.shows_more_than(&best.1) { next } else { best });
     match best {
         Some((reading, Sky { count, .. })) if count >= FEW && count > found => {
-            advice.push(Advice::Read(count, reading));
+            advice.push(Advice::Read { reading, satellites: count });
         }
-        _ => advice.push(Advice::Nothing),
+        _ => advice.push(Advice::NothingFound),
     }
     advice.extend(level_doubts(open).into_iter().map(Advice::Level));
     advice

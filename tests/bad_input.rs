@@ -32,7 +32,7 @@ impl Folder {
         }
     }
 
-    /// Opens, reads all, and gives the number of samples; the warnings must name all of `parts`.
+    /// Opens, reads all, and gives the number of samples; the notes must name all of `parts`.
     fn warned(&self, names: &[&str], options: OpenOptions, parts: &[&str]) -> usize {
         let mut source = capture::open(&self.paths(names), &options).unwrap();
         let (mut block, mut total) = (Block::default(), 0);
@@ -42,9 +42,10 @@ impl Folder {
                 n => total += n,
             }
         }
-        let warnings = source.warnings().join("; ");
+        let notes: Vec<String> = source.notes().iter().map(ToString::to_string).collect();
+        let notes = notes.join("; ");
         for part in parts {
-            assert!(warnings.contains(part), "'{part}' is not in: {warnings}");
+            assert!(notes.contains(part), "'{part}' is not in: {notes}");
         }
         total
     }
@@ -74,15 +75,15 @@ fn wrong_files_are_named() {
 fn missing_and_impossible_options_are_named() {
     let f = Folder::new(&[("a.cs8", &[0; 40]), ("a.bin", &[0; 40]), ("a.rs8", &[0; 40])]);
     let format = |name: &str| OpenOptions { format: Some(name.into()), ..rate() };
-    f.refused(&["a.bin"], rate(), &["a.bin", "add --format", "cu8, cs8, cs16"]);
+    f.refused(&["a.bin"], rate(), &["a.bin", "must be given", "cu8, cs8, cs16"]);
     f.refused(&["a.bin"], format("cs9"), &["'cs9' is unknown", "cu8, cs8, cs16"]);
     f.refused(&["a.bin"], format(""), &["'' is unknown"]);
-    f.refused(&["a.cs8"], none(), &["sample rate", "a.cs8", "add --rate"]);
+    f.refused(&["a.cs8"], none(), &["sample rate", "a.cs8", "must be given"]);
     for bad in [0.0, -4e6, f64::NAN, f64::INFINITY] {
         let options = OpenOptions { rate_hz: Some(bad), ..none() };
         f.refused(&["a.cs8"], options, &["sample rate", "is impossible", "above 0"]);
     }
-    f.refused(&["a.rs8"], rate(), &["real samples", "intermediate frequency", "add --if"]);
+    f.refused(&["a.rs8"], rate(), &["real samples", "intermediate frequency", "must be given"]);
     let options = OpenOptions { if_hz: Some(f64::NAN), ..rate() };
     f.refused(&["a.cs8"], options, &["intermediate frequency NaN Hz is impossible"]);
     for bad in [0, 5000] {
@@ -90,25 +91,29 @@ fn missing_and_impossible_options_are_named() {
         f.refused(&["a.cs8"], options, &["channels are impossible", "1 to 1024"]);
     }
     let options = OpenOptions { channels: Some(3), ..rate() };
-    f.refused(&["a.cs8", "a.cs8"], options, &["--channels 3", "2 channels", "number of files"]);
+    f.refused(
+        &["a.cs8", "a.cs8"],
+        options,
+        &["3 channels were asked for", "2 channels", "number of files"],
+    );
     let planar = OpenOptions { layout: Some(Layout::Planar), channels: Some(3), ..rate() };
-    f.refused(&["a.cs8"], planar, &["40 bytes", "3 planes", "--layout"]);
+    f.refused(&["a.cs8"], planar, &["40 bytes", "3 planes"]);
 }
 
 #[test]
 fn wrong_intervals_are_named() {
     let f = Folder::new(&[("a.cs8", &[0; 40])]);
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        f.refused(&["a.cs8"], OpenOptions { start_s: bad, ..rate() }, &["--start", "0 or more"]);
+        f.refused(&["a.cs8"], OpenOptions { start_s: bad, ..rate() }, &["start", "0 or more"]);
     }
     let late = OpenOptions { start_s: 1.0, ..rate() };
-    f.refused(&["a.cs8"], late, &["--start 1 s", "beyond the end", "0.000005 s long"]);
+    f.refused(&["a.cs8"], late, &["start at 1 s", "beyond the end", "0.000005 s long"]);
     for bad in [0.0, -1.0, f64::NAN] {
         let options = OpenOptions { duration_s: Some(bad), ..rate() };
-        f.refused(&["a.cs8"], options, &["--duration", "more than 0"]);
+        f.refused(&["a.cs8"], options, &["duration", "more than 0"]);
     }
     let long = OpenOptions { duration_s: Some(2.0), ..rate() };
-    assert_eq!(f.warned(&["a.cs8"], long, &["--duration asks for 2 s"]), 20);
+    assert_eq!(f.warned(&["a.cs8"], long, &["2 s were asked for"]), 20);
 }
 
 #[test]
@@ -138,7 +143,7 @@ fn wrong_sigmf_is_named() {
     refused(r#"{"captures": []}"#, &["line 1", "missing field `global`"]);
     refused(&meta("", ""), &["missing field `core:datatype`"]);
     refused(&meta(r#""core:datatype": "ci64""#, ""), &["core:datatype", "'ci64' is not supported"]);
-    refused(&meta(r#""core:datatype": "ci8""#, ""), &["sample rate", "add --rate"]);
+    refused(&meta(r#""core:datatype": "ci8""#, ""), &["sample rate", "must be given"]);
     let zero = good.replace("4e6", "0");
     refused(&meta(&zero, ""), &["core:sample_rate", "no positive number"]);
     let many = format!(r#"{good}, "core:num_channels": 0"#);
@@ -149,7 +154,7 @@ fn wrong_sigmf_is_named() {
     refused(&meta(good, &format!("{{{time}}}")), &["core:datetime", "'yesterday' is no time"]);
     let f = Folder::new(&[("a.sigmf-meta", meta(good, "").as_bytes()), ("b.sigmf-data", &[0; 8])]);
     f.refused(&["a.sigmf-meta"], none(), &["a.sigmf-data", "is missing", "beside its metadata"]);
-    f.refused(&["b.sigmf-data"], none(), &["b.sigmf-meta", "is missing", "--format and --rate"]);
+    f.refused(&["b.sigmf-data"], none(), &["b.sigmf-meta", "is missing", "sample type and rate"]);
     f.refused(&["c.sigmf"], none(), &["archives are not read", "tar -xf"]);
     let f = file(&meta(good, ""));
     let options = OpenOptions { rate_hz: Some(5e6), format: Some("cu8".into()), ..none() };
@@ -157,7 +162,11 @@ fn wrong_sigmf_is_named() {
     assert_eq!(f.warned(&["a.sigmf-meta"], options, &parts), 20);
     f.warned(&["a.sigmf-data"], none(), &["states no core:frequency"]);
     let channels = OpenOptions { channels: Some(2), ..none() };
-    f.refused(&["a.sigmf-meta"], channels, &["--channels 2", "1 channels", "the metadata"]);
+    f.refused(
+        &["a.sigmf-meta"],
+        channels,
+        &["2 channels were asked for", "1 channels", "the metadata"],
+    );
 }
 
 #[test]
@@ -252,11 +261,11 @@ fn the_command_line_says_it_in_one_line_and_exits_with_2() {
         String::from_utf8(output.stderr).unwrap()
     };
     let path = f.paths(&["a.bin"])[0].display().to_string();
-    assert!(run(&[&path]).contains("add --format"));
+    assert!(run(&[&path]).contains("; give --format TYPE"));
     assert!(run(&["no.cs8", "-r", "4M"]).contains("sdr-rx: cannot open capture 'no.cs8'"));
     assert!(run(&[&path, "-f", "cs8", "-r", "4 MHz"]).contains("write it as 4000000, 4e6, 4M"));
     assert!(run(&[&path, "--encoding", "gray"]).contains("one of sign, tc, tca"));
     assert!(run(&[&path, "--time", "noon"]).contains("'noon' is no time"));
-    assert!(run(&[&path, "-f", "cs8", "-r", "4M", "--start", "-1"]).contains("--start -1"));
+    assert!(run(&[&path, "-f", "cs8", "-r", "4M", "--start", "-1"]).contains("correct --start"));
     assert_eq!(run(&["no.cs8", "-r", "4M"]).lines().count(), 1);
 }

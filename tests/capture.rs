@@ -119,8 +119,9 @@ fn jrc_metadata_pick_the_bits_of_l1_with_q_inverted() -> Tested {
     let info = source.info().clone();
     assert_eq!((info.rate_hz, info.if_hz, info.channels), (5e6, -48_750.0, 1));
     assert_eq!((info.samples, info.real), (Some(524_288), false));
-    assert!(source.warnings().iter().any(|w| w.contains("reading L1 of the streams L1, L2, L5")));
-    assert!(source.warnings().iter().any(|w| w.contains("two times of the first sample")));
+    let notes: Vec<String> = source.notes().iter().map(ToString::to_string).collect();
+    assert!(notes.iter().any(|n| n.contains("reading L1 of the streams L1, L2, L5")));
+    assert!(notes.iter().any(|n| n.contains("two times of the first sample")));
     let words = std::fs::read(&file)?;
     let words = words.chunks_exact(2).map(|b| u32::from(b[0]) | u32::from(b[1]) << 8);
     let twin: Vec<Complex32> = words.map(|w| complex(sign(w, 15), -sign(w, 14))).collect();
@@ -267,7 +268,7 @@ fn sigmf_gives_back_what_was_written() {
                 prop_assert!((clip(x.re) - y.re).abs() <= bound && (clip(x.im) - y.im).abs() <= bound);
             }
         }
-        prop_assert!(source.warnings().is_empty(), "{:?}", source.warnings());
+        prop_assert!(source.notes().is_empty(), "{:?}", source.notes());
     });
 }
 

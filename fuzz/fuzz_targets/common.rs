@@ -17,6 +17,6 @@ pub fn open_and_read(files: &[(&str, &[u8])], options: &OpenOptions) {
                 break;
             }
         }
-        let _ = source.warnings();
+        let _ = source.notes();
     }
 }

@@ -4,11 +4,11 @@
 use libfuzzer_sys::fuzz_target;
 use sdr_rx::network::consensus::{Node, NodeOptions};
 use sdr_rx::network::info::Average;
-use sdr_rx::network::wire::{Header, decode, encode};
+use sdr_rx::network::wire::{PacketHeader, decode, encode};
 use sdr_rx::network::{Constraints, Graph};
 
 fuzz_target!(|bytes: &[u8]| {
-    let header = Header::new("fuzz", &["a", "b"], 0, 2, 2);
+    let header = PacketHeader::new("fuzz", &["a", "b"], 0, 2, 2);
     let graph = Graph::new(2, &[(0, 1)]).expect("two nodes, one link");
     let constraints = Constraints::new(&graph, &[0]).expect("both are in its star");
     let problem = Average { own: vec![1.0, 2.0], rho: 1.0 };

@@ -21,14 +21,14 @@ pub enum CaptureError {
          of another type", path.display()
     )]
     Empty { path: PathBuf, bytes: u64, format: String },
-    #[error("sample type '{0}' is unknown: --format takes one of {FORMAT_NAMES}, wav")]
+    #[error("sample type '{0}' is unknown: it must be one of {FORMAT_NAMES}, wav")]
     UnknownFormat(String),
     #[error(
-        "the sample type of '{}' is not known from its name: add --format (one of {FORMAT_NAMES})",
+        "the sample type of '{}' is not known from its name: one of {FORMAT_NAMES} must be given",
         .0.display()
     )]
     FormatNeeded(PathBuf),
-    #[error("the sample rate of '{}' is not known: add --rate, such as --rate 4M", .0.display())]
+    #[error("the sample rate of '{}' is not known and must be given", .0.display())]
     RateNeeded(PathBuf),
     #[error("sample rate {0} Hz is impossible: it must be a finite number above 0, such as 4M")]
     BadRate(f64),
@@ -38,14 +38,13 @@ pub enum CaptureError {
     BadIf(f64),
     #[error(
         "'{}' holds real samples ({format}), whose carrier lies at an intermediate frequency that \
-         is not known: add --if, such as --if 3M", path.display()
+         is not known and must be given", path.display()
     )]
     IfNeeded { path: PathBuf, format: String },
-    #[error("{0} channels are impossible: --channels takes a number from 1 to 1024")]
+    #[error("{0} channels are impossible: there may be 1 to 1024")]
     BadChannels(usize),
     #[error(
-        "--channels {asked} contradicts {found} channels that {what} gives: leave --channels out, \
-         or name other files"
+        "{asked} channels were asked for, which contradicts the {found} channels that {what} gives"
     )]
     ChannelMismatch { asked: usize, found: usize, what: String },
     #[error(
@@ -63,20 +62,19 @@ pub enum CaptureError {
     StdinWithOthers,
     #[error(
         "planar channels cannot be read from '{}', which is no regular file: save it to a file \
-         first, or use --layout interleaved", .0.display()
+         first, or send interleaved channels", .0.display()
     )]
     PlanarStream(PathBuf),
     #[error(
-        "'{}' holds {bytes} bytes, which are not {channels} planes of whole {format} samples: \
-         check --channels, --format and --layout", path.display()
+        "'{}' holds {bytes} bytes, which are not {channels} planes of whole {format} samples", path.display()
     )]
     PlanarLength { path: PathBuf, bytes: u64, channels: usize, format: String },
-    #[error("--start {0} is impossible: it must be 0 or more seconds")]
+    #[error("a start at {0} s is impossible: it must be 0 or more")]
     BadStart(f64),
-    #[error("--duration {0} is impossible: it must be more than 0 seconds")]
+    #[error("a duration of {0} s is impossible: it must be more than 0")]
     BadDuration(f64),
     #[error(
-        "--start {start_s} s lies beyond the end of '{}', which is {length_s} s long", path.display()
+        "a start at {start_s} s lies beyond the end of '{}', which is {length_s} s long", path.display()
     )]
     StartBeyondEnd { path: PathBuf, start_s: f64, length_s: f64 },
     #[error(
@@ -85,7 +83,7 @@ pub enum CaptureError {
     )]
     MissingData { metadata: PathBuf, data: PathBuf },
     #[error(
-        "the metadata file '{}' of '{}' is missing: put it there, or give --format and --rate",
+        "the metadata file '{}' of '{}' is missing: put it there, or give sample type and rate",
         metadata.display(), data.display()
     )]
     MissingMetadata { metadata: PathBuf, data: PathBuf },
@@ -93,6 +91,8 @@ pub enum CaptureError {
     Metadata { path: PathBuf, line: usize, column: usize, reason: String },
     #[error("'{}': {field}: {reason}", path.display())]
     MetadataValue { path: PathBuf, field: String, reason: String },
+    #[error("'{}': {field} {reason}: one stream must be chosen", path.display())]
+    StreamsDiffer { path: PathBuf, field: String, reason: String },
     #[error("'{}' is no WAV file that can be read: {reason}", path.display())]
     Wav { path: PathBuf, reason: String },
     #[error("cannot write '{}': {cause}", path.display())]

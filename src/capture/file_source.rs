@@ -2,7 +2,7 @@
 
 use super::lane::{Data, Lane};
 use super::options::{Layout, OpenOptions, check_rate};
-use super::{Block, CaptureError, SampleFormat, SampleSource, SourceError, StreamInfo};
+use super::{Block, CaptureError, Note, SampleFormat, SampleSource, SourceError, StreamInfo};
 use crate::gnss::GpsTime;
 use crate::gnss::antenna::ArrayDescription;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub(super) struct Description {
     pub start_time: Option<GpsTime>,
     pub array: Option<ArrayDescription>,
     pub data: Vec<Data>,
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
 }
 
 impl Description {
@@ -44,7 +44,7 @@ pub struct FileSource {
     position: u64,
     limit: u64,
     ended: bool,
-    notes: Vec<String>,
+    notes: Vec<Note>,
 }
 
 impl FileSource {
@@ -70,10 +70,7 @@ impl FileSource {
             None => 0.0,
         };
         if if_hz.abs() > rate_hz / 2.0 {
-            notes.push(format!(
-                "the intermediate frequency {if_hz} Hz lies beyond half the rate {rate_hz} Hz: the \
-                 carrier is taken as aliased by sampling; check --if and --rate"
-            ));
+            notes.push(Note::Aliased { if_hz, rate_hz });
         }
         if options.conjugate {
             format = format.conjugated();
@@ -96,10 +93,7 @@ impl FileSource {
         if let (Some(shortest), Some(longest)) = (length, lengths.iter().copied().max().flatten())
             && shortest != longest
         {
-            notes.push(format!(
-                "the files differ in length ({shortest} to {longest} samples): only the first \
-                 {shortest} of each are used"
-            ));
+            notes.push(Note::LengthsDiffer { shortest, longest });
         }
         let skip = (options.start_s * rate_hz).round() as u64;
         if length.is_some_and(|length| skip >= length) {
@@ -111,11 +105,8 @@ impl FileSource {
         if let (Some(left), Some(asked)) = (left, asked)
             && asked > left
         {
-            notes.push(format!(
-                "--duration asks for {} s, the capture gives {} s",
-                asked as f64 / rate_hz,
-                left as f64 / rate_hz
-            ));
+            let (asked_s, given_s) = (asked as f64 / rate_hz, left as f64 / rate_hz);
+            notes.push(Note::Shorter { asked_s, given_s });
         }
         let lanes = data
             .iter()
@@ -159,16 +150,12 @@ impl SampleSource for FileSource {
         Ok(got)
     }
 
-    fn warnings(&self) -> Vec<String> {
+    fn notes(&self) -> Vec<Note> {
         let mut all = self.notes.clone();
         for lane in &self.lanes {
-            let path = lane.path().display();
             if lane.not_finite > 0 {
-                all.push(format!(
-                    "'{path}': {} numbers were NaN or infinite and were taken as 0; check the \
-                     sample type ({}) and its byte order",
-                    lane.not_finite, self.info.format
-                ));
+                let (path, format) = (lane.path().to_owned(), self.info.format.clone());
+                all.push(Note::NotFinite { path, numbers: lane.not_finite, format });
             }
             if lane.trailing > 0 {
                 let (trailing, channels) = (lane.trailing as u64, self.channels_per_lane);
@@ -176,14 +163,10 @@ impl SampleSource for FileSource {
             }
         }
         match self.info.samples {
-            _ if self.ended && self.position == 0 => all.push(
-                "the input ended before the first sample: it is empty or shorter than --start"
-                    .to_owned(),
-            ),
-            Some(samples) if self.ended && self.position < samples => all.push(format!(
-                "the input ended after {} of {samples} samples: it was cut off",
-                self.position
-            )),
+            _ if self.ended && self.position == 0 => all.push(Note::NoSample),
+            Some(samples) if self.ended && self.position < samples => {
+                all.push(Note::CutOff { read: self.position, samples });
+            }
             _ => {}
         }
         all
@@ -191,12 +174,15 @@ impl SampleSource for FileSource {
 }
 
 /// What the person says, else what the capture says; a contradiction is noted.
-fn prefer(asked: Option<f64>, stated: Option<(f64, &str)>, notes: &mut Vec<String>) -> Option<f64> {
+fn prefer(
+    asked: Option<f64>,
+    stated: Option<(f64, &'static str)>,
+    notes: &mut Vec<Note>,
+) -> Option<f64> {
     if let (Some(a), Some((s, what))) = (asked, stated)
         && (a - s).abs() > 1e-9 * s.abs()
     {
-        notes
-            .push(format!("the {what} {a} Hz that was asked for overrides {s} Hz of the metadata"));
+        notes.push(Note::Overridden { what, asked_hz: a, stated_hz: s });
     }
     asked.or(stated.map(|(value, _)| value))
 }
@@ -253,11 +239,6 @@ fn trailing_bytes(data: &Data, format: &SampleFormat, channels: usize) -> Option
     Some(data.bytes? - words * format.word_bytes() as u64)
 }
 
-fn trailing_note(path: &Path, bytes: u64, format: &SampleFormat, channels: usize) -> String {
-    format!(
-        "'{}': the last {bytes} bytes make no whole sample of type {} and {channels} channel(s): the \
-         file was cut off or is of another type",
-        path.display(),
-        format.name()
-    )
+fn trailing_note(path: &Path, bytes: u64, format: &SampleFormat, channels: usize) -> Note {
+    Note::Trailing { path: path.to_owned(), bytes, format: format.name().to_owned(), channels }
 }

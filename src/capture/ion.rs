@@ -7,7 +7,7 @@ use super::error::wrong;
 use super::file_source::Description;
 use super::ion_bits::{Order, Stream, byte_order, place_streams};
 use super::lane::Data;
-use super::{CaptureError, OpenOptions, Packing, SampleFormat};
+use super::{CaptureError, Note, OpenOptions, Packing, SampleFormat};
 use crate::gnss::GpsTime;
 use crate::gnss::constants::L1_HZ;
 use roxmltree::{Document, Node};
@@ -86,16 +86,16 @@ pub(super) fn describe(
     };
     let chosen = &lanes[..files.len()];
     if let Some(other) = chosen.iter().find(|l| !l.agrees_with(first)) {
-        let reason = format!(
-            "has another rate, word or coding than lane '{}': choose one by --stream",
-            first.id
-        );
-        return Err(wrong(path, &format!("lane '{}'", other.id), reason));
+        return Err(CaptureError::StreamsDiffer {
+            path: path.to_owned(),
+            field: format!("lane '{}'", other.id),
+            reason: format!("has another rate, word or coding than lane '{}'", first.id),
+        });
     }
     let streams: Vec<&str> =
         chosen.iter().flat_map(|l| l.streams.iter().map(|s| s.id.as_str())).collect();
     if streams.join(", ") != offered {
-        notes.push(format!("reading {} of the streams {offered}", streams.join(" and ")));
+        notes.push(Note::Streams { read: streams.join(" and "), offered });
     }
     let stream = &first.streams[0];
     let (start_time, time_note) = start_time(first, path)?;
@@ -122,16 +122,14 @@ fn carrier_if(center_hz: f64, translated_hz: f64) -> f64 {
     if is_carrier { translated_hz } else { translated_hz + off_center }
 }
 
-fn start_time(lane: &Lane, path: &Path) -> Result<(Option<GpsTime>, Option<String>), CaptureError> {
+fn start_time(lane: &Lane, path: &Path) -> Result<(Option<GpsTime>, Option<Note>), CaptureError> {
     let Some(text) = lane.times.first() else { return Ok((None, None)) };
     let time = text.parse().map_err(|e| wrong(path, "toa or timestamp", format!("{e}")))?;
     let other = lane.times.iter().find(|t| t.parse() != Ok(time));
-    let note = other.map(|other| {
-        format!(
-            "'{}' states two times of the first sample, {text} (session, taken) and {other} (file): \
-             give --time if it matters",
-            path.display()
-        )
+    let note = other.map(|other| Note::TwoTimes {
+        path: path.to_owned(),
+        taken: text.clone(),
+        other: other.clone(),
     });
     Ok((Some(time), note))
 }
@@ -176,7 +174,8 @@ impl Lane {
                 == (first.ratefactor, first.bits, first.encoding, first.translated_hz)
         };
         if !self.streams.iter().all(alike) {
-            return Err(wrong(path, &field, "its streams differ: choose one by --stream"));
+            let (path, reason) = (path.to_owned(), "has streams that differ".to_owned());
+            return Err(CaptureError::StreamsDiffer { path, field, reason });
         }
         let samples = (0..first.ratefactor)
             .flat_map(|k| self.streams.iter().map(move |s| s.samples[k]))

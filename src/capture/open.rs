@@ -3,7 +3,7 @@
 use super::file_source::{Description, FileSource};
 use super::lane::{Data, is_stdin};
 use super::sigmf::joined;
-use super::{CaptureError, OpenOptions, SampleFormat, SampleSource, ion, sigmf, wav};
+use super::{CaptureError, Note, OpenOptions, SampleFormat, SampleSource, ion, sigmf, wav};
 use std::path::{Path, PathBuf};
 
 /// Opens the capture in `inputs` as a stream of blocks; memory does not grow with its length.
@@ -35,11 +35,10 @@ pub fn open(
         if let Some(stated) = &description.format
             && stated.name() != format.name()
         {
-            description.notes.push(format!(
-                "the sample type {} that was asked for overrides {} of the metadata or the name",
-                format.name(),
-                stated.name()
-            ));
+            description.notes.push(Note::FormatOverridden {
+                asked: format.name().to_owned(),
+                stated: stated.name().to_owned(),
+            });
         }
         description.format = Some(format);
     }

@@ -1,6 +1,6 @@
 //! The one trait of everything that gives samples.
 
-use super::Block;
+use super::{Block, Note};
 use crate::gnss::GpsTime;
 use crate::gnss::antenna::ArrayDescription;
 
@@ -35,7 +35,7 @@ pub trait SampleSource: Send {
     fn read(&mut self, block: &mut Block, samples: usize) -> Result<usize, SourceError>;
 
     /// What a person should know of the samples read so far: a truncated end, NaN replaced by zero, ...
-    fn warnings(&self) -> Vec<String> {
+    fn notes(&self) -> Vec<Note> {
         Vec::new()
     }
 }

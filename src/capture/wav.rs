@@ -5,7 +5,7 @@
 use super::file_source::Description;
 use super::lane::{Data, is_stdin};
 use super::number::Number;
-use super::{CaptureError, SampleFormat};
+use super::{CaptureError, Note, SampleFormat};
 use hound::{SampleFormat as WavFormat, WavReader, WavSpec};
 use std::fs::File;
 use std::io::{self, Read, Seek};
@@ -31,10 +31,7 @@ pub(super) fn describe(path: &Path) -> Result<Description, CaptureError> {
     if let (Some(present), Some(stated)) = (present, bytes)
         && present < stated
     {
-        notes.push(format!(
-            "'{}' states {stated} bytes of samples and holds {present}: it was cut off",
-            path.display()
-        ));
+        notes.push(Note::WavCutOff { path: path.to_owned(), stated, present });
     }
     Ok(Description {
         format: Some(format),

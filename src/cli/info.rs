@@ -1,6 +1,7 @@
 //! `sdr-rx info`: what a capture holds.
 
 use super::input::Input;
+use super::words;
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::front_end::{Level, LevelMeter, power_spectrum};
 use serde::Serialize;
@@ -84,7 +85,7 @@ fn look(source: &mut dyn SampleSource, files: Vec<String>) -> anyhow::Result<Rep
     let levels: Vec<Level> = meters.iter().filter_map(|m| m.level(info.real)).collect();
     let decibels = |p: &f64| 10.0 * (p / seen.max(1) as f64).max(1e-30).log10();
     let spectra_db = power.iter().map(|p| p[bins - COLUMNS..].iter().map(decibels).collect());
-    let mut warnings = source.warnings();
+    let mut warnings: Vec<String> = source.notes().iter().map(words::note).collect();
     for (c, level) in levels.iter().enumerate() {
         warnings.extend(level.doubts().iter().map(|d| format!("channel {c}: {d}")));
     }

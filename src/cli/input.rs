@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// The capture and what is to be known of it.
 #[derive(Args, Clone, Debug)]
-pub struct Input {
+pub(crate) struct Input {
     /// Raw file, .sigmf-meta, ION metadata (.sdrx .smfx .xml, then perhaps its data files), .wav, a
     /// scenario (.toml, simulated while it is read), or - for standard input; several files are one
     /// channel each

@@ -1,6 +1,6 @@
 //! Ctrl-C ends the stream, not the program: what was reached is written.
 
-use sdr_rx::capture::{Block, SampleSource, SourceError, StreamInfo};
+use sdr_rx::capture::{Block, Note, SampleSource, SourceError, StreamInfo};
 use signal_hook::consts::SIGINT;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,7 +29,7 @@ impl Interrupt {
     }
 }
 
-type Read = Result<(Block, Vec<String>), SourceError>;
+type Read = Result<(Block, Vec<Note>), SourceError>;
 
 /// A source that is read by a thread of its own, one block ahead, and that ends when it is interrupted even while it
 /// waits for samples.
@@ -38,7 +38,7 @@ pub struct Interruptible {
     interrupt: Interrupt,
     blocks: Receiver<Read>,
     used: SyncSender<Block>,
-    warnings: Vec<String>,
+    notes: Vec<Note>,
     ended: bool,
 }
 
@@ -46,13 +46,13 @@ impl Interruptible {
     /// Reads `source` in blocks of so many samples.
     pub fn new(mut source: Box<dyn SampleSource>, samples: usize, interrupt: Interrupt) -> Self {
         let info = source.info().clone();
-        let warnings = source.warnings();
+        let notes = source.notes();
         let (give, blocks) = sync_channel::<Read>(2);
         let (used, reuse) = sync_channel::<Block>(4);
         std::thread::spawn(move || {
             loop {
                 let mut block = reuse.try_recv().unwrap_or_default();
-                let read = source.read(&mut block, samples).map(|_| (block, source.warnings()));
+                let read = source.read(&mut block, samples).map(|_| (block, source.notes()));
                 let is_last = read.as_ref().map_or(true, |(block, _)| block.is_empty());
                 // Nobody listens any more when the stream was interrupted.
                 if give.send(read).is_err() || is_last {
@@ -60,7 +60,7 @@ impl Interruptible {
                 }
             }
         });
-        Self { info, interrupt, blocks, used, warnings, ended: false }
+        Self { info, interrupt, blocks, used, notes, ended: false }
     }
 }
 
@@ -74,8 +74,8 @@ impl SampleSource for Interruptible {
         while !self.ended && !self.interrupt.pressed() {
             match self.blocks.recv_timeout(PATIENCE) {
                 Ok(read) => {
-                    let (next, warnings) = read?;
-                    self.warnings = warnings;
+                    let (next, notes) = read?;
+                    self.notes = notes;
                     self.ended = next.is_empty();
                     // When the channel is full there are blocks enough.
                     let _ = self.used.try_send(std::mem::replace(block, next));
@@ -89,7 +89,7 @@ impl SampleSource for Interruptible {
         Ok(0)
     }
 
-    fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+    fn notes(&self) -> Vec<Note> {
+        self.notes.clone()
     }
 }

@@ -9,13 +9,13 @@ mod interrupt;
 mod live;
 mod look;
 mod network;
-mod notices;
 mod output;
 mod process;
 mod progress;
 mod receive;
 mod simulate;
 mod solve;
+mod words;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -53,7 +53,8 @@ pub fn main() -> ExitCode {
         Command::Solve(args) => solve::run(&args),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("sdr-rx: {error:#}");
+        let advice = words::advice(&error).map_or(String::new(), |advice| format!("; {advice}"));
+        eprintln!("sdr-rx: {error:#}{advice}");
         ExitCode::from(2)
     })
 }

@@ -1,7 +1,7 @@
 //! How `process` and `acquire` print and write what they found.
 
-use super::notices;
 use super::receive::Receive;
+use super::words;
 use sdr_rx::acquisition::{Acquisition, Refined};
 use sdr_rx::advice::{self, Advice, Reading};
 use sdr_rx::capture::{self, StreamInfo};
@@ -54,10 +54,9 @@ impl Printed<'_> {
             samples: self.samples(),
             ..self.info.clone()
         };
-        let notices = self.record.notices.iter().map(notices::notice);
-        let warnings: Vec<String> =
-            notices.chain(self.advice.iter().map(notices::advice)).collect();
-        let reason = self.record.reason.as_ref().map(notices::reason);
+        let notices = self.record.notices.iter().map(words::notice);
+        let warnings: Vec<String> = notices.chain(self.advice.iter().map(words::advised)).collect();
+        let reason = self.record.reason.as_ref().map(words::reason);
         then(&Run {
             capture: &self.receive.input.name(),
             input: report::Input::Samples(&stream),

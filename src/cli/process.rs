@@ -75,7 +75,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
         live.progress(receiver.samples());
     }
     let end = receiver.finish(&mut |event| tell(&event, &mut live))?;
-    let record = recorder.finish(end, &options, source.warnings());
+    let record = recorder.finish(end, &options, source.notes());
     live.finish().context("writing events")?;
 
     let interrupted = interrupt.pressed();

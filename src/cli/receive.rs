@@ -65,7 +65,7 @@ pub struct Receive {
 
 /// How positions are solved.
 #[derive(Args, Clone, Debug)]
-pub struct Solve {
+pub(super) struct Solve {
     /// RINEX navigation files, in addition to what the signals carry
     #[arg(long, value_name = "FILE", help_heading = "Position")]
     pub nav: Vec<PathBuf>,

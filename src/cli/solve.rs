@@ -32,7 +32,7 @@ const CHUNK: usize = 256;
 /// Example: sdr-rx solve fix/SDRX00XXX_S_20220010200_39S_01S_MO.rnx fix/navigation.rnx
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
-pub struct Solve {
+pub(super) struct Solve {
     /// The observations
     #[arg(value_name = "OBS.rnx")]
     observations: PathBuf,

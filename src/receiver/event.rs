@@ -2,6 +2,7 @@
 
 use crate::acquisition::{Refined, Slip};
 use crate::array::{Bearing, Jammer, SkyEpoch};
+use crate::capture::Note;
 use crate::gnss::Sv;
 use crate::gnss::message::lnav::Update;
 use crate::gnss::observation::ObservationEpoch;
@@ -61,7 +62,7 @@ pub enum Event {
 #[non_exhaustive]
 pub enum Notice {
     /// What the source of the samples says of them.
-    Source(String),
+    Source(Note),
     /// Code drifts and Dopplers disagree in sign.
     Mirrored,
     /// The code phases of all satellites jump within the first second.
@@ -127,7 +128,8 @@ pub enum NoFix {
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Source(text) | Self::NoDirections(text) => f.write_str(text),
+            Self::Source(note) => note.fmt(f),
+            Self::NoDirections(text) => f.write_str(text),
             Self::Mirrored => {
                 f.write_str("the spectrum is mirrored: code drifts and Dopplers disagree in sign")
             }

@@ -424,7 +424,7 @@ fn run(
         std::mem::swap(&mut block, &mut next);
     }
     let end = receiver.finish(&mut tell)?;
-    Ok(recorder.finish(end, options, source.warnings()))
+    Ok(recorder.finish(end, options, source.notes()))
 }
 
 /// [`Task::Acquire`] on a source.

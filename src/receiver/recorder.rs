@@ -7,6 +7,7 @@ use super::snapshot::solve_snapshot_head;
 use super::{End, ReceiverOptions};
 use crate::acquisition::Refined;
 use crate::array::{ArraySky, SkyEpoch};
+use crate::capture::Note;
 use crate::front_end::ImpulseReport;
 use crate::gnss::NavigationData;
 use crate::gnss::observation::ObservationEpoch;
@@ -61,8 +62,8 @@ impl Recorder {
         }
     }
 
-    /// The record, when the stream has ended. `sources`: what the source says of its samples.
-    pub fn finish(self, end: End, options: &ReceiverOptions, sources: Vec<String>) -> Record {
+    /// The record, when the stream has ended. `sources`: what the source notes of its samples.
+    pub fn finish(self, end: End, options: &ReceiverOptions, sources: Vec<Note>) -> Record {
         let mut record = self.record;
         let found = record.acquisitions.len();
         record.navigation = options.navigation.clone();

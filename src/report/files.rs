@@ -1,39 +1,10 @@
 //! Files, written whole or not at all.
 
-use super::{Run, Summary, geojson, html, json, kml, nmea};
+use super::{ReportError, Run, Summary, geojson, html, json, kml, nmea};
 use crate::gnss::format::{rinex_nav, rinex_obs};
 use crate::temporary::temporary_beside;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-/// Why a report cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// The folder cannot be made.
-    #[error("making the output folder {path}: {source}; give --out a folder that may be written")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// A file cannot be written.
-    #[error("writing {path}: {source}; nothing was left under that name")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// A plot cannot be drawn.
-    #[error("drawing the {plot}: {problem}")]
-    Plot {
-        /// Which plot.
-        plot: &'static str,
-        /// What the drawing library says.
-        problem: String,
-    },
-}
 
 /// Writes a file under a temporary name beside `path` and renames it: a reader sees the old file or the
 /// whole new one, and a run that is killed leaves none half written.

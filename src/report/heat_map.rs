@@ -1,7 +1,5 @@
 //! Values over two variables: as a plot of coloured cells and as a table of comma-separated values.
 
-use super::ReportError;
-use super::svg::draw_cells;
 use std::fmt::Write;
 
 /// A value for each row and column.
@@ -26,14 +24,6 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// As SVG; cells without a value stay white.
-    ///
-    /// # Errors
-    /// When it cannot be drawn.
-    pub fn svg(&self) -> Result<String, ReportError> {
-        draw_cells(self)
-    }
-
     /// As CSV: a line for each row, a column for each x; a cell without a value is empty.
     pub fn csv(&self) -> String {
         let plain = |text: &str| text.replace(',', ";");

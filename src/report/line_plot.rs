@@ -1,7 +1,5 @@
 //! Curves over one variable: as a plot and as a table of comma-separated values.
 
-use super::ReportError;
-use super::svg::draw_lines;
 use std::fmt::Write;
 
 /// One curve.
@@ -29,14 +27,6 @@ pub struct LinePlot {
 }
 
 impl LinePlot {
-    /// As SVG.
-    ///
-    /// # Errors
-    /// When it cannot be drawn.
-    pub fn svg(&self) -> Result<String, ReportError> {
-        draw_lines(self)
-    }
-
     /// As CSV, one line a point: curve, x, y.
     pub fn csv(&self) -> String {
         let [x, y] = self.axes.each_ref().map(|axis| axis.replace(',', ";"));

@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod array_sky;
+mod error;
 mod events;
 mod files;
 mod geojson;
@@ -21,8 +22,9 @@ mod table;
 
 pub use accuracy::{Accuracy, Reference};
 pub use array_sky::array_sky_table;
+pub use error::ReportError;
 pub use events::{event_line, events_start};
-pub use files::{OutputDir, ReportError, write_all, write_atomically, write_check};
+pub use files::{OutputDir, write_all, write_atomically, write_check};
 pub use geojson::geojson;
 pub use heat_map::HeatMap;
 pub use html::html;

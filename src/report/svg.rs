@@ -227,8 +227,27 @@ const INKS: [RGBColor; 8] = [
     RGBColor(180, 60, 120),
 ];
 
-/// Curves with a legend.
-pub(super) fn draw_lines(plot: &LinePlot) -> Result<String, ReportError> {
+impl LinePlot {
+    /// As SVG: curves with a legend.
+    ///
+    /// # Errors
+    /// When it cannot be drawn.
+    pub fn svg(&self) -> Result<String, ReportError> {
+        draw_lines(self)
+    }
+}
+
+impl HeatMap {
+    /// As SVG: a cell for each row and column, white where there is no value, and a bar that tells the colours.
+    ///
+    /// # Errors
+    /// When it cannot be drawn.
+    pub fn svg(&self) -> Result<String, ReportError> {
+        draw_cells(self)
+    }
+}
+
+fn draw_lines(plot: &LinePlot) -> Result<String, ReportError> {
     let points = || plot.curves.iter().flat_map(|curve| plot.drawable(curve));
     let range = |values: &mut dyn Iterator<Item = f64>, log: bool| {
         let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -310,8 +329,7 @@ fn colour(share: f64) -> RGBColor {
 /// Steps of the colour bar beside a heat map.
 const BAR_STEPS: usize = 32;
 
-/// A [`HeatMap`]: a cell for each row and column, and a bar that tells the colours.
-pub(super) fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
+fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
     let (columns, rows) = (map.x.len(), map.rows.len());
     let [low, high] = map.range;
     let bar = columns as f64 * 1.04;

@@ -4,7 +4,7 @@ use super::ScenarioError;
 use super::constellation::Walker;
 use super::direction::Spoofer;
 use super::front_end::FrontEndSettings;
-use super::jammer::Jammer;
+use super::jammer::JammerSettings;
 use super::noise::GaussianMixture;
 use super::receiver::{MAX_ACCELERATION, Motion, Receiver};
 use super::values;
@@ -55,7 +55,7 @@ pub struct Scenario {
     pub array: Option<ArrayDescription>,
     /// Jammers.
     #[serde(default, rename = "jammer", skip_serializing_if = "Vec::is_empty")]
-    pub jammers: Vec<Jammer>,
+    pub jammers: Vec<JammerSettings>,
     /// A transmitter that takes the satellites' place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spoofer: Option<Spoofer>,

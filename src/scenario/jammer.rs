@@ -1,11 +1,9 @@
 //! Jammers: a tone, a chirp or noise from one direction.
 
-use super::Scenario;
 use super::direction::Direction;
 use super::kernel::{add_weighted, mix_add};
 use super::noise::{GaussianMixture, NoiseSource};
 use super::values;
-use crate::gnss::antenna::AntennaArray;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -30,7 +28,7 @@ pub enum JammerKind {
 /// A jammer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Jammer {
+pub struct JammerSettings {
     /// What it sends.
     pub kind: JammerKind,
     /// Its power over that of the background noise at an ideal element, dB.
@@ -59,7 +57,7 @@ fn millisecond() -> f64 {
     1e-3
 }
 
-impl Jammer {
+impl JammerSettings {
     /// Phase at `t` seconds, cycles: the integral of the frequency f + sweep (x - 1/2) with
     /// x = t / period modulo 1, which is f t + sweep period (x^2 - x) / 2.
     fn phase(&self, t: f64) -> f64 {
@@ -84,7 +82,7 @@ impl Jammer {
 
 /// What a jammer adds to the elements over a batch of samples.
 pub(super) struct Interference {
-    jammer: Jammer,
+    jammer: JammerSettings,
     /// Direction (east, north, up).
     pub towards: Unit<Vector3<f64>>,
     rate_hz: f64,
@@ -97,31 +95,32 @@ pub(super) struct Interference {
 }
 
 impl Interference {
-    /// The jammers of a scenario at the elements of the `array`, or at one antenna.
-    pub fn all(scenario: &Scenario, array: Option<&AntennaArray>) -> Result<Vec<Self>, String> {
+    /// The jammer at elements that answer its direction `towards` with `response`, over background noise of the
+    /// `variance`; its noise is the stream `k` of the jammers.
+    pub fn new(
+        jammer: &JammerSettings,
+        towards: Unit<Vector3<f64>>,
+        response: &[Complex64],
+        (variance, rate_hz): (f64, f64),
+        (seed, k): (u64, usize),
+    ) -> Self {
         let white = GaussianMixture { share: 0.0, ratio: 1.0 };
-        let interference = |(k, jammer): (usize, &Jammer)| {
-            let towards = jammer.direction.towards(scenario.array.as_ref())?;
-            let amplitude =
-                (scenario.noise.background_variance * 10f64.powf(jammer.power_db / 10.0)).sqrt();
-            let response = array.map_or(vec![Complex64::ONE], |a| a.response(&towards));
-            Ok(Self {
-                jammer: jammer.clone(),
-                towards,
-                rate_hz: scenario.front_end.rate_hz,
-                noise: NoiseSource::new(white, scenario.seed, FIRST_STREAM + k),
-                weights: response.iter().map(|a| a * amplitude).collect(),
-                re: Vec::new(),
-                im: Vec::new(),
-                ones: Vec::new(),
-                is_silent: true,
-            })
-        };
-        scenario.jammers.iter().enumerate().map(interference).collect()
+        let amplitude = (variance * 10f64.powf(jammer.power_db / 10.0)).sqrt();
+        Self {
+            jammer: jammer.clone(),
+            towards,
+            rate_hz,
+            noise: NoiseSource::new(white, seed, FIRST_STREAM + k),
+            weights: response.iter().map(|a| a * amplitude).collect(),
+            re: Vec::new(),
+            im: Vec::new(),
+            ones: Vec::new(),
+            is_silent: true,
+        }
     }
 
     /// The jammer.
-    pub fn jammer(&self) -> &Jammer {
+    pub fn jammer(&self) -> &JammerSettings {
         &self.jammer
     }
 

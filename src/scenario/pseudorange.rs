@@ -10,7 +10,7 @@ use crate::gnss::{Ephemeris, GpsTime};
 /// Code and carrier pseudorange by the receiver's clock, m: c times (clock reading of reception minus
 /// satellite time of transmission).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pseudorange {
+pub struct Pseudoranges {
     /// Of the code: delayed by the ionosphere.
     pub code_m: f64,
     /// Of the carrier: advanced by as much.
@@ -40,7 +40,7 @@ pub struct View {
     /// Elevation, rad.
     pub elevation: f64,
     /// Pseudoranges.
-    pub pseudorange: Pseudorange,
+    pub pseudorange: Pseudoranges,
 }
 
 impl SignalPath {
@@ -60,7 +60,7 @@ impl SignalPath {
         let clocks = SPEED_OF_LIGHT * (receiver.clock_bias_s - satellite.clock_bias_s);
         let common = propagation.range_m + clocks + self.troposphere.delay_m(place, elevation);
         let pseudorange =
-            Pseudorange { code_m: common + ionosphere, carrier_m: common - ionosphere };
+            Pseudoranges { code_m: common + ionosphere, carrier_m: common - ionosphere };
         View { propagation, azimuth, elevation, pseudorange }
     }
 
@@ -73,7 +73,7 @@ impl SignalPath {
     }
 
     /// Satellite time of transmission of the code received when `elapsed` has passed.
-    pub fn transmit_time(&self, elapsed: f64, pseudorange: &Pseudorange) -> GpsTime {
+    pub fn transmit_time(&self, elapsed: f64, pseudorange: &Pseudoranges) -> GpsTime {
         self.trajectory.state(elapsed).clock_reading - pseudorange.code_m / SPEED_OF_LIGHT
     }
 }
@@ -127,14 +127,14 @@ impl PseudorangeTable {
 
     /// Pseudoranges at a share `x` (0 to 1) of the current interval (Lagrange's cubic, in the form of
     /// Neville's divided differences around the first middle knot, which keeps all digits).
-    pub fn at(&self, x: f64) -> Pseudorange {
-        let cubic = |get: fn(&Pseudorange) -> f64| {
+    pub fn at(&self, x: f64) -> Pseudoranges {
+        let cubic = |get: fn(&Pseudoranges) -> f64| {
             let [a, b, c, d] = self.knots.each_ref().map(|k| get(&k.pseudorange));
             let (before, here, after) = (b - a, c - b, d - c);
             let (second, third) = (here - before, (after - here) - (here - before));
             b + x * (here + (x - 1.0) / 2.0 * (second + (x + 1.0) / 3.0 * third))
         };
-        Pseudorange { code_m: cubic(|p| p.code_m), carrier_m: cubic(|p| p.carrier_m) }
+        Pseudoranges { code_m: cubic(|p| p.code_m), carrier_m: cubic(|p| p.carrier_m) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::element::Element;
 use super::emission::{Emission, SEGMENTS, amplitude};
-use super::jammer::Interference;
+use super::jammer::{Interference, JammerSettings};
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
@@ -10,7 +10,7 @@ use crate::gnss::Sv;
 use crate::gnss::antenna::{AntennaArray, ArrayDescription};
 use crate::gnss::constants::CA_CODE_PERIOD;
 use crate::gnss::message::lnav::LnavError;
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
 /// A source that makes the samples of a [`Scenario`]: any blocks give the same samples, and any number of
@@ -72,8 +72,15 @@ impl ScenarioSource {
         let emitters = scenario.emitters(frame as f64 / rate)?;
         let array = scenario.array.as_ref().map(ArrayDescription::real_in_enu);
         let channels = array.as_ref().map_or(1, AntennaArray::len);
-        let jamming =
-            Interference::all(scenario, array.as_ref()).map_err(ScenarioError::Direction)?;
+        let jammer = |(k, jammer): (usize, &JammerSettings)| {
+            let towards = jammer.direction.towards(scenario.array.as_ref())?;
+            let response = array.as_ref().map_or(vec![Complex64::ONE], |a| a.response(&towards));
+            let levels = (scenario.noise.background_variance, rate);
+            Ok(Interference::new(jammer, towards, &response, levels, (scenario.seed, k)))
+        };
+        let jamming: Result<Vec<_>, String> =
+            scenario.jammers.iter().enumerate().map(jammer).collect();
+        let jamming = jamming.map_err(ScenarioError::Direction)?;
         let signal_power = |e: &Emitter| {
             let cn0 = scenario.signal.cn0_dbhz(e.sv, e.range.view().elevation, 0.0);
             amplitude(scenario, cn0).powi(2)

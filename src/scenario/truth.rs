@@ -33,12 +33,12 @@ pub struct JammerTruth {
     pub elevation_deg: f64,
     /// As the array sees it.
     #[serde(flatten)]
-    pub arrival: Option<Arrival>,
+    pub arrival: Option<ArrivalTruth>,
 }
 
 /// How a wave arrives at the array.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Arrival {
+pub struct ArrivalTruth {
     /// Unit vector towards the source in the frame of the array: right, forward, up.
     pub direction_cosines: [f64; 3],
     /// Of a linear array: the angle from its broadside towards its last element, degrees.
@@ -100,7 +100,7 @@ pub struct SatelliteTruth {
     pub elevation_deg: f64,
     /// How its signal arrives at the array (from the spoofer, when that sends it).
     #[serde(flatten)]
-    pub arrival: Option<Arrival>,
+    pub arrival: Option<ArrivalTruth>,
     /// Whether a spoofer sends its signal.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub spoofed: bool,
@@ -160,11 +160,11 @@ fn jammer_truth(scenario: &Scenario, towards: &Unit<Vector3<f64>>) -> JammerTrut
     }
 }
 
-fn arrival(scenario: &Scenario, towards: &Unit<Vector3<f64>>) -> Option<Arrival> {
+fn arrival(scenario: &Scenario, towards: &Unit<Vector3<f64>>) -> Option<ArrivalTruth> {
     let array = scenario.array.as_ref()?;
     let local = array.to_platform(towards);
     let angle = |axis: Unit<Vector3<f64>>| axis.dot(&local).clamp(-1.0, 1.0).asin().to_degrees();
-    Some(Arrival {
+    Some(ArrivalTruth {
         direction_cosines: local.into_inner().into(),
         array_angle_deg: array.array.axis().map(angle),
     })

@@ -3,7 +3,7 @@
 use crate::common::{Failed, Tested, data};
 use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::format::rinex_nav;
-use sdr_rx::network::admm::{LeastSquares, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, Weight};
 use sdr_rx::network::code_bias::ReceiverBias;
 use sdr_rx::network::consensus::{Node, NodeOptions};
 use sdr_rx::network::file::rinex::{
@@ -61,7 +61,7 @@ fn two_real_stations_find_the_same_biases_of_the_satellites() -> Tested {
     let weight = Weight::Scalar(0.5 * sum.matrix.trace() / (2 * p) as f64);
     let mut nodes = Vec::new();
     for (id, own) in own.into_iter().enumerate() {
-        let problem = LeastSquares::new(own, &weight, constraints.hubs_of(id).len())?;
+        let problem = NodeLeastSquares::new(own, &weight, constraints.hubs_of(id).len())?;
         nodes.push(Node::new(id, &constraints, problem, NodeOptions::default())?);
     }
     (0..3000).for_each(|_| sim::iterate(&mut nodes));

@@ -77,13 +77,14 @@ fn run(experiment: &Experiment) -> anyhow::Result<()> {
     let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
     let (common, findings) = match experiment {
         Experiment::AwDgn(common) => {
-            let effort = if common.quick { aw_dgn::Effort::QUICK } else { aw_dgn::Effort::FULL };
+            let effort =
+                if common.quick { aw_dgn::AwDgnEffort::QUICK } else { aw_dgn::AwDgnEffort::FULL };
             (common, aw_dgn::run(effort, &progress))
         }
         Experiment::DistributedLs { common, seed } => {
             let effort = match common.quick {
-                true => distributed_ls::Effort::QUICK,
-                false => distributed_ls::Effort::FULL,
+                true => distributed_ls::DistributedLsEffort::QUICK,
+                false => distributed_ls::DistributedLsEffort::FULL,
             };
             (common, distributed_ls::run(*seed, effort, &progress)?)
         }
@@ -98,7 +99,7 @@ fn run(experiment: &Experiment) -> anyhow::Result<()> {
 }
 
 fn jane(quick: bool, progress: &(dyn Fn(f64) + Sync)) -> anyhow::Result<Findings> {
-    let effort = if quick { lda_l11::Effort::QUICK } else { lda_l11::Effort::FULL };
+    let effort = if quick { lda_l11::LdaL11Effort::QUICK } else { lda_l11::LdaL11Effort::FULL };
     let mut findings = lda_l11::run(effort, &|fraction| progress(0.8 * fraction))?;
     let (trials, noise_runs) = if quick { (2, 20) } else { (30, 3000) };
     findings.extend(detection(&DetectionOptions { trials, noise_runs, seed: 1 })?);

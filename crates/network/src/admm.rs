@@ -31,13 +31,13 @@ impl Weight {
 /// A node's own least squares, f_i(x) = 1/2 x' N_i x - r_i' x, by the Cholesky way of equation (21): one
 /// factorisation for each change of N_i, two triangular solutions a move.
 #[derive(Clone, Debug)]
-pub struct LeastSquares {
+pub struct NodeLeastSquares {
     normals: Normals,
     /// Of N_i + c_i W.
     factor: Cholesky<f64, Dyn>,
 }
 
-impl LeastSquares {
+impl NodeLeastSquares {
     /// The problem of a node with `constraints` constraint nodes (c_i).
     ///
     /// # Errors
@@ -74,7 +74,7 @@ fn correct(normals: &Normals, factor: &Cholesky<f64, Dyn>, pull: &[f64], x: &mut
     x.iter_mut().zip(pull).zip(&step).for_each(|((x, l), step)| *x = l + step);
 }
 
-impl Proximal for LeastSquares {
+impl Proximal for NodeLeastSquares {
     fn dimension(&self) -> usize {
         self.normals.parameters()
     }
@@ -86,15 +86,15 @@ impl Proximal for LeastSquares {
 
 /// The update as figure 6 prints it, with N_i + W. It agrees on a wrong value, and is here to show that.
 #[derive(Clone, Debug)]
-pub struct PrintedForm(LeastSquares);
+pub struct PrintedForm(NodeLeastSquares);
 
 impl PrintedForm {
     /// The problem of a node.
     ///
     /// # Errors
-    /// As [`LeastSquares::new`].
+    /// As [`NodeLeastSquares::new`].
     pub fn new(normals: Normals, weight: &Weight) -> Result<Self, NetworkError> {
-        LeastSquares::new(normals, weight, 1).map(Self)
+        NodeLeastSquares::new(normals, weight, 1).map(Self)
     }
 }
 
@@ -147,7 +147,7 @@ mod tests {
         assert!((&first - &second).amax() < 1e-12);
         let pull = DVector::from_row_slice(&[0.3, -2.0, 5.0]);
         let mut x = [0.0; 3];
-        let mut problem = LeastSquares::new(model.normals(), &weight, 2).unwrap();
+        let mut problem = NodeLeastSquares::new(model.normals(), &weight, 2).unwrap();
         problem.minimise(pull.as_slice(), 2, &mut x);
         let expected = &pull + first * (l - design * &pull);
         assert!((DVector::from_row_slice(&x) - expected).amax() < 1e-12);

@@ -14,7 +14,7 @@
 //! bias eliminated their mean is set to zero ([`Datum::ZeroMean`](super::Datum::ZeroMean)), which is three to four
 //! times more precise and is brought to the S-basis afterwards, at home, by [`to_reference_receiver`].
 
-use super::{LinearModel, NetworkError, Normals, Solution};
+use super::{LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector};
 
 /// Standard deviation of a code observation at the zenith where nothing else is known, m.
@@ -122,9 +122,9 @@ pub fn station_model(
 /// # Errors
 /// [`NetworkError::WrongSize`], or [`NetworkError::Singular`] when the receiver has observed nothing.
 pub fn to_reference_receiver(
-    free: &Solution,
+    free: &NetworkSolution,
     reference: &Normals,
-) -> Result<Solution, NetworkError> {
+) -> Result<NetworkSolution, NetworkError> {
     let p = free.x.len();
     if reference.parameters() != p {
         let what = "the reference receiver's model".into();
@@ -140,7 +140,7 @@ pub fn to_reference_receiver(
     let transform = DMatrix::identity(p, p) - DVector::repeat(p, 1.0) * weights.transpose() / sum;
     let mut covariance = &transform * &free.covariance * transform.transpose();
     covariance.add_scalar_mut(1.0 / sum);
-    Ok(Solution { x: free.x.add_scalar(shift), covariance, ..free.clone() })
+    Ok(NetworkSolution { x: free.x.add_scalar(shift), covariance, ..free.clone() })
 }
 
 #[cfg(test)]
@@ -233,7 +233,7 @@ mod tests {
         assert!(matches!(refused, Err(NetworkError::WrongSize { found: 10, expected: 10, .. })));
         let free = sum(&[normals(&stations(0)[0], ReceiverBias::Reference)]);
         let nothing = normals(&[], ReceiverBias::Reference);
-        let solution = Solution {
+        let solution = NetworkSolution {
             x: DVector::zeros(10),
             covariance: DMatrix::zeros(10, 10),
             misfit: 0.0,

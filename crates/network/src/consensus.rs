@@ -13,7 +13,7 @@
 //! Where links lose or delay messages and clocks differ, a link's t_is moves only when the neighbour's answer
 //! acknowledges the last one sent ([`Rule::Acknowledged`]). The two other rules that offer themselves diverge.
 
-use super::message::{Body, Message, News};
+use super::message::{Body, News, NodeMessage};
 use super::{Constraints, NetworkError};
 use std::collections::BTreeMap;
 
@@ -210,7 +210,7 @@ impl<P: Proximal> Node<P> {
     }
 
     /// Takes a message of another node.
-    pub fn receive(&mut self, message: &Message) -> Received {
+    pub fn receive(&mut self, message: &NodeMessage) -> Received {
         let sender = message.sender as usize;
         match &message.body {
             Body::State { t } => self.receive_state(sender, message.sequence, t),
@@ -324,9 +324,13 @@ impl<P: Proximal> Node<P> {
 
     /// What the node has to say now, with the neighbour that it is for: true until the next step, and harmless
     /// when said again.
-    pub fn messages(&self) -> Vec<(usize, Message)> {
-        let message =
-            |sequence, body| Message { sender: self.id as u32, sequence, body, news: self.news };
+    pub fn messages(&self) -> Vec<(usize, NodeMessage)> {
+        let message = |sequence, body| NodeMessage {
+            sender: self.id as u32,
+            sequence,
+            body,
+            news: self.news,
+        };
         let others = self.links.iter().filter(|link| link.hub != self.id);
         let states = others
             .map(|link| (link.hub, message(link.sequence, Body::State { t: link.t.clone() })));

@@ -9,7 +9,7 @@
 //! which each of the n stations carries 1/n: the sum over the network holds it once.
 
 use super::nonlinear::pseudoranges_about;
-use super::{Datum, LinearModel, NetworkError, Normals, Solution};
+use super::{Datum, LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Standard deviation a priori of a correction where nothing else is known, m.
@@ -65,8 +65,8 @@ pub fn station_normals(
 pub fn position(
     start_m: &Vector3<f64>,
     observed: &[Ranging],
-    corrections: &Solution,
-) -> Result<Solution, NetworkError> {
+    corrections: &NetworkSolution,
+) -> Result<NetworkSolution, NetworkError> {
     check(observed, corrections.x.len())?;
     let m = observed.len();
     let of = |k: usize| observed[k].satellite;
@@ -88,7 +88,7 @@ pub fn position(
         position_m += &step.x;
         if step.x.norm() < 1e-6 {
             let x = DVector::from_column_slice(position_m.as_slice());
-            return Ok(Solution { x, ..step });
+            return Ok(NetworkSolution { x, ..step });
         }
     }
     Err(NetworkError::Singular(3))
@@ -180,13 +180,13 @@ mod tests {
 
         let place = test_scene::place_near(&middle, 0.03, random);
         let observed = observe(&place, &all, &sky, &common_m, random);
-        let none = Solution {
+        let none = NetworkSolution {
             x: DVector::zeros(SATELLITES),
             covariance: DMatrix::zeros(SATELLITES, SATELLITES),
             misfit: 0.0,
             freedom: 0.0,
         };
-        let perfect = Solution { x: DVector::from_column_slice(&common_m), ..none.clone() };
+        let perfect = NetworkSolution { x: DVector::from_column_slice(&common_m), ..none.clone() };
         let averaged = mean.scaled(9.0).solve(Datum::Observed).unwrap();
         let central = sum.solve(Datum::Observed).unwrap();
         [none, averaged, central, perfect].map(|corrections| {

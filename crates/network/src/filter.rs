@@ -10,10 +10,10 @@
 //! observations and the network has only to keep up with its mean ([`InformationFilter::renew_average`]) or
 //! with its solution ([`InformationFilter::renew_least_squares`]) by a few iterations an epoch.
 
-use super::admm::{LeastSquares, Weight};
+use super::admm::{NodeLeastSquares, Weight};
 use super::consensus::Node;
 use super::info::{Average, pack};
-use super::{LinearModel, NetworkError, Normals, Solution};
+use super::{LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector};
 
 /// What was observed so far, in information form: of a node, or of the whole network.
@@ -66,12 +66,12 @@ impl InformationFilter {
     /// [`NetworkError::Singular`] when rho is not positive.
     pub fn renew_least_squares(
         &self,
-        node: &mut Node<LeastSquares>,
+        node: &mut Node<NodeLeastSquares>,
         rho: f64,
         constraints: usize,
     ) -> Result<(), NetworkError> {
         let weight = Weight::Scalar(rho * self.length);
-        node.problem = LeastSquares::new(self.normals.clone(), &weight, constraints)?;
+        node.problem = NodeLeastSquares::new(self.normals.clone(), &weight, constraints)?;
         node.rescale_duals(1.0 - 1.0 / self.length);
         Ok(())
     }
@@ -90,7 +90,7 @@ impl GainFilter {
     ///
     /// # Errors
     /// [`NetworkError::BadSetting`] for a forgetting factor outside (0, 1].
-    pub fn new(start: &Solution, forgetting: f64) -> Result<Self, NetworkError> {
+    pub fn new(start: &NetworkSolution, forgetting: f64) -> Result<Self, NetworkError> {
         check(forgetting)?;
         Ok(Self { x: start.x.clone(), covariance: start.covariance.clone(), forgetting })
     }

@@ -34,4 +34,4 @@ pub mod wire;
 pub use constraints::Constraints;
 pub use error::NetworkError;
 pub use graph::{Graph, NINE_NODES};
-pub use linear_model::{Datum, LinearModel, Normals, Solution};
+pub use linear_model::{Datum, LinearModel, NetworkSolution, Normals};

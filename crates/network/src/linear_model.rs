@@ -125,7 +125,7 @@ impl Normals {
     ///
     /// # Errors
     /// [`NetworkError::Singular`].
-    pub fn solve(&self, datum: Datum) -> Result<Solution, NetworkError> {
+    pub fn solve(&self, datum: Datum) -> Result<NetworkSolution, NetworkError> {
         let p = self.parameters();
         let singular = || NetworkError::Singular(p);
         let factor = datum.factor(&self.matrix).ok_or_else(singular)?;
@@ -136,7 +136,7 @@ impl Normals {
             let spread = 1.0 / (datum.stiffness(&self.matrix) * (p * p) as f64);
             covariance.add_scalar_mut(-spread);
         }
-        let solution = Solution {
+        let solution = NetworkSolution {
             misfit: self.squares - self.right.dot(&x),
             freedom: self.freedom - (p - datum.defect()) as f64,
             x,
@@ -183,7 +183,7 @@ impl Datum {
 
 /// A least-squares solution.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solution {
+pub struct NetworkSolution {
     /// The parameters.
     pub x: DVector<f64>,
     /// Their covariance.
@@ -194,7 +194,7 @@ pub struct Solution {
     pub freedom: f64,
 }
 
-impl Solution {
+impl NetworkSolution {
     /// The standard deviation of each parameter.
     pub fn sigma(&self) -> DVector<f64> {
         self.covariance.diagonal().map(|variance| variance.max(0.0).sqrt())

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// A message between neighbours.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Message {
+pub struct NodeMessage {
     /// Who sends.
     pub sender: u32,
     /// Counts the sender's states, also across its restarts: a message of a lower number is old.

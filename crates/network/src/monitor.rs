@@ -14,9 +14,9 @@
 
 use super::message::{News, Suspect};
 use super::quality::{Levels, LocalTests, ModelTest};
-use super::solver::{Agreement, Solver};
+use super::solver::{Agreement, NetworkSolver};
 use super::stopping::Stopping;
-use super::{Graph, LinearModel, NetworkError, Solution};
+use super::{Graph, LinearModel, NetworkError, NetworkSolution};
 
 /// What a node holds of the network's observations.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +50,7 @@ pub struct Monitor {
     diameter: u32,
     stopping: Stopping,
     /// The solution of the round before.
-    last: Option<Solution>,
+    last: Option<NetworkSolution>,
     suspect: Option<Suspect>,
     /// For how many rounds it has been the same one.
     held: u32,
@@ -96,7 +96,7 @@ impl Monitor {
     }
 
     /// The solution of the last round.
-    pub fn solution(&self) -> Option<&Solution> {
+    pub fn solution(&self) -> Option<&NetworkSolution> {
         self.last.as_ref()
     }
 
@@ -149,7 +149,7 @@ impl Monitor {
         Ok(verdict)
     }
 
-    fn judge(&mut self, solution: &Solution, tests: &LocalTests) -> Verdict {
+    fn judge(&mut self, solution: &NetworkSolution, tests: &LocalTests) -> Verdict {
         self.held = self.held.saturating_add(1);
         self.refresh(tests);
         let diameter = self.diameter;
@@ -220,7 +220,7 @@ fn worse(word: &Suspect, other: &Suspect) -> bool {
 
 /// Whether a round hardly changed what is known: parameters by less than a tenth of their standard
 /// deviations, T by less than a tenth of its own.
-fn near(last: &Solution, now: &Solution) -> bool {
+fn near(last: &NetworkSolution, now: &NetworkSolution) -> bool {
     let sigma = now.sigma();
     let spread = (2.0 * now.freedom.max(1.0)).sqrt();
     (0..now.x.len()).all(|j| (now.x[j] - last.x[j]).abs() <= 0.1 * sigma[j])
@@ -232,9 +232,9 @@ fn near(last: &Solution, now: &Solution) -> bool {
 fn spoken(agreement: &Agreement) -> Result<Graph, NetworkError> {
     let constraints = &agreement.constraints;
     match agreement.solver {
-        Solver::Admm => Err(NetworkError::NoCovariance),
-        Solver::Tree => agreement.graph.spanning_tree(),
-        Solver::Info => {
+        NetworkSolver::Admm => Err(NetworkError::NoCovariance),
+        NetworkSolver::Tree => agreement.graph.spanning_tree(),
+        NetworkSolver::Info => {
             let star = |&hub: &usize| {
                 let members = constraints.members(hub).iter().filter(move |&&k| k != hub);
                 members.map(move |&member| (hub, member))

@@ -8,7 +8,7 @@
 //! The parameters are absolute, not corrections to a common approximate value. So each node may linearise
 //! wherever it likes, and the duals keep their meaning from one linearisation to the next. (Setting them to
 //! zero at each, as printed, costs hundreds of iterations.) [`absolute`] serves the linearised case: it makes a
-//! linear model of x itself, for [`LeastSquares`](super::admm::LeastSquares) or
+//! linear model of x itself, for [`NodeLeastSquares`](super::admm::NodeLeastSquares) or
 //! [`Average`](super::info::Average), of what is known at one point.
 
 use super::LinearModel;
@@ -75,7 +75,7 @@ pub fn pseudoranges_about(
 
 #[cfg(test)]
 mod tests {
-    use super::super::admm::LeastSquares;
+    use super::super::admm::NodeLeastSquares;
     use super::super::consensus::{Node, NodeOptions};
     use super::super::{Constraints, Datum, Normals, sim, test_scene};
     use super::*;
@@ -177,7 +177,7 @@ mod tests {
         let solution = centre(&place, &receivers);
         let at = |id: usize, x: &[f64]| {
             let model = absolute(about(x, &receivers[id]), x);
-            LeastSquares::new(model.normals(), &WEIGHT, constraints.hubs_of(id).len()).unwrap()
+            NodeLeastSquares::new(model.normals(), &WEIGHT, constraints.hubs_of(id).len()).unwrap()
         };
         let mut random = test_scene::stream(3, 1);
         let offsets: Vec<_> = (0..9)

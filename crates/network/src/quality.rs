@@ -11,7 +11,7 @@
 //! bias of size b in observation j shifts w_j by b sqrt(D_jj): the smallest that is found with a given power is
 //! its *minimal detectable bias* (MDB). T needs one more averaged number, which [`info`](super::info) has.
 
-use super::{LinearModel, Solution};
+use super::{LinearModel, NetworkSolution};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
@@ -70,8 +70,8 @@ pub struct ModelTest {
 
 impl ModelTest {
     /// Of a solution, at a level.
-    pub fn new(solution: &Solution, level: f64) -> Self {
-        let Solution { misfit: statistic, freedom, .. } = *solution;
+    pub fn new(solution: &NetworkSolution, level: f64) -> Self {
+        let NetworkSolution { misfit: statistic, freedom, .. } = *solution;
         let law = ChiSquared::new(freedom).ok().filter(|_| freedom > 0.5);
         let limit = law.map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - level));
         Self { statistic, freedom, limit }
@@ -101,7 +101,7 @@ const TWIN: f64 = 1.0 - 1e-9;
 
 impl LocalTests {
     /// Of a receiver's model under the network's solution.
-    pub fn new(model: &LinearModel, solution: &Solution) -> Self {
+    pub fn new(model: &LinearModel, solution: &NetworkSolution) -> Self {
         let misfit = &model.observations - &model.design * &solution.x;
         let gain = &model.weight * &model.design;
         let covariance = &model.weight - &gain * &solution.covariance * gain.transpose();
@@ -159,7 +159,7 @@ mod tests {
         assert!((levels.largest_limit(1.0) - 2.575_83).abs() < 1e-5);
         // The tail of chi-square of two degrees of freedom is exp(-T/2).
         let none = DMatrix::zeros(1, 1);
-        let solution = |freedom| Solution {
+        let solution = |freedom| NetworkSolution {
             x: DVector::zeros(1),
             covariance: none.clone(),
             misfit: 9.3,

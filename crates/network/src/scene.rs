@@ -57,7 +57,7 @@ const CLUSTERS: [(f64, f64, f64); 8] = [
 
 /// How the made stations are linked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
+pub enum NetworkLayout {
     /// 110 stations, nine hubs that are linked among themselves.
     Hubs,
     /// 110 stations, nine hubs that are linked by stations between them.
@@ -68,7 +68,7 @@ pub enum Layout {
 
 /// A network, its sky and its biases.
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub struct StationScene {
     /// Who talks to whom.
     pub graph: Graph,
     /// Constraint nodes: the nine hubs, or C = {1, 3, 4, 6, 9} of the paper's nine nodes, numbered from 0.
@@ -93,26 +93,26 @@ fn place(latitude: f64, longitude: f64, spread: f64, rng: &mut SplitMix64) -> Ve
     (centre + spread * Vector3::from_fn(|_, _| normal(rng))).normalize()
 }
 
-impl Scene {
+impl StationScene {
     /// The network of a seed.
     ///
     /// # Errors
     /// [`NetworkError`] never for these layouts, in whose graphs a way leads from each node to each other.
-    pub fn new(layout: Layout, seed: u64) -> Result<Self, NetworkError> {
+    pub fn new(layout: NetworkLayout, seed: u64) -> Result<Self, NetworkError> {
         let mut rng = SplitMix64::new(seed);
-        let nodes = if layout == Layout::Nine { 9 } else { 110 };
-        let needed = if layout == Layout::Nine { 2 } else { 5 };
+        let nodes = if layout == NetworkLayout::Nine { 9 } else { 110 };
+        let needed = if layout == NetworkLayout::Nine { 2 } else { 5 };
         let (stations, turn, (graph, hubs)) = loop {
             let stations: Vec<_> = (0..nodes).map(|_| station(layout, &mut rng)).collect();
             let turn = TAU * rng.uniform();
             let linked = match layout {
-                Layout::Nine => (Graph::new(9, &NINE_NODES)?, vec![0, 2, 3, 5, 8]),
-                Layout::Hubs | Layout::Bridges => stars(&stations, layout)?,
+                NetworkLayout::Nine => (Graph::new(9, &NINE_NODES)?, vec![0, 2, 3, 5, 8]),
+                NetworkLayout::Hubs | NetworkLayout::Bridges => stars(&stations, layout)?,
             };
             let (graph, hubs) = &linked;
             let led = |hub: &usize| graph.neighbours(*hub).iter().any(|&k| graph.degree(k) == 1);
             if receivers(&stations, turn).iter().all(|&count| count >= needed)
-                && (layout == Layout::Nine || hubs.iter().all(led))
+                && (layout == NetworkLayout::Nine || hubs.iter().all(led))
             {
                 break (stations, turn, linked);
             }
@@ -156,7 +156,7 @@ impl Scene {
     }
 
     /// All stations' models of an epoch, their noise from `rng`. Observation k of a station is of the k-th
-    /// satellite of its [`Scene::view`]. Where the observations are the datum, station 0's bias is taken for
+    /// satellite of its [`StationScene::view`]. Where the observations are the datum, station 0's bias is taken for
     /// known, zero; where it is free, every station's bias is eliminated.
     pub fn models(&self, epoch: usize, datum: Datum, rng: &mut SplitMix64) -> Vec<LinearModel> {
         let mut model =
@@ -215,8 +215,8 @@ fn place_of_satellite(satellite: usize, turn: f64) -> Vector3<f64> {
 }
 
 /// A station of a cluster, or anywhere on the land of no map where there are but nine.
-fn station(layout: Layout, rng: &mut SplitMix64) -> Vector3<f64> {
-    if layout == Layout::Nine {
+fn station(layout: NetworkLayout, rng: &mut SplitMix64) -> Vector3<f64> {
+    if layout == NetworkLayout::Nine {
         return place(0.0, 0.0, 1e6, rng);
     }
     let mut left = rng.uniform();
@@ -229,8 +229,11 @@ fn station(layout: Layout, rng: &mut SplitMix64) -> Vector3<f64> {
 }
 
 /// Hubs with the stations about them, and the hubs' tree; 118 links of 110 stations with nine hubs.
-fn stars(stations: &[Vector3<f64>], layout: Layout) -> Result<(Graph, Vec<usize>), NetworkError> {
-    let bridges = layout == Layout::Bridges;
+fn stars(
+    stations: &[Vector3<f64>],
+    layout: NetworkLayout,
+) -> Result<(Graph, Vec<usize>), NetworkError> {
+    let bridges = layout == NetworkLayout::Bridges;
     let angle = |a: usize, b: usize| stations[a].angle(&stations[b]);
     let nearest = |station: usize, hubs: &[usize]| {
         hubs.iter().map(|&hub| angle(station, hub)).fold(f64::INFINITY, f64::min)
@@ -296,8 +299,8 @@ mod tests {
     #[test]
     fn the_networks_have_the_paper_s_counts() {
         for seed in 1..=10 {
-            for (layout, leaves) in [(Layout::Hubs, 92), (Layout::Bridges, 84)] {
-                let scene = Scene::new(layout, seed).unwrap();
+            for (layout, leaves) in [(NetworkLayout::Hubs, 92), (NetworkLayout::Bridges, 84)] {
+                let scene = StationScene::new(layout, seed).unwrap();
                 let graph = &scene.graph;
                 assert_eq!((graph.nodes(), graph.links().count()), (110, 118));
                 assert_eq!(choose(graph).unwrap().hubs().len(), 9);
@@ -306,7 +309,7 @@ mod tests {
                 assert_eq!((stars.hubs().len(), stars.cover_every_link(graph)), (9, true));
                 let linked =
                     |a: &usize| scene.hubs.iter().any(|b| graph.neighbours(*a).contains(b));
-                assert_eq!(scene.hubs.iter().any(linked), layout == Layout::Hubs);
+                assert_eq!(scene.hubs.iter().any(linked), layout == NetworkLayout::Hubs);
             }
         }
     }
@@ -314,13 +317,13 @@ mod tests {
     #[test]
     fn the_estimate_is_right_within_its_covariance_and_the_sky_moves() {
         for (layout, datum) in [
-            (Layout::Hubs, Datum::Observed),
-            (Layout::Hubs, Datum::ZeroMean),
-            (Layout::Nine, Datum::ZeroMean),
+            (NetworkLayout::Hubs, Datum::Observed),
+            (NetworkLayout::Hubs, Datum::ZeroMean),
+            (NetworkLayout::Nine, Datum::ZeroMean),
         ] {
             let (mut squares, mut degrees) = (0.0, 0.0);
             for seed in 1..=20 {
-                let scene = Scene::new(layout, seed).unwrap();
+                let scene = StationScene::new(layout, seed).unwrap();
                 let models = scene.models(0, datum, &mut SplitMix64::new(seed));
                 let mut sum = Normals::none(SATELLITES);
                 models.iter().for_each(|model| sum.add(&model.normals()));
@@ -336,7 +339,7 @@ mod tests {
                 "{squares} {degrees}"
             );
         }
-        let scene = Scene::new(Layout::Hubs, 1).unwrap();
+        let scene = StationScene::new(NetworkLayout::Hubs, 1).unwrap();
         assert_ne!(scene.receivers(0), scene.receivers(299));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::NetworkError;
 use super::consensus::{Node, Proximal, Received, Residuals};
-use super::message::{Message, News};
+use super::message::{News, NodeMessage};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -11,11 +11,11 @@ use std::ops::RangeInclusive;
 /// What a transport carries messages for: a state machine with neighbours.
 pub trait Participant {
     /// Takes a message of a neighbour.
-    fn receive(&mut self, message: &Message) -> Received;
+    fn receive(&mut self, message: &NodeMessage) -> Received;
     /// Does what can be done with what was received; returns whether the estimate was computed anew.
     fn step(&mut self) -> bool;
     /// What it has to say now, with the neighbour that it is for.
-    fn messages(&self) -> Vec<(usize, Message)>;
+    fn messages(&self) -> Vec<(usize, NodeMessage)>;
     /// What it holds the network's value for.
     fn estimate(&self) -> &[f64];
     /// How far from agreement it was at its last step.
@@ -25,7 +25,7 @@ pub trait Participant {
 }
 
 impl<P: Proximal> Participant for Node<P> {
-    fn receive(&mut self, message: &Message) -> Received {
+    fn receive(&mut self, message: &NodeMessage) -> Received {
         Node::receive(self, message)
     }
 
@@ -33,7 +33,7 @@ impl<P: Proximal> Participant for Node<P> {
         Node::step(self)
     }
 
-    fn messages(&self) -> Vec<(usize, Message)> {
+    fn messages(&self) -> Vec<(usize, NodeMessage)> {
         Node::messages(self)
     }
 
@@ -51,7 +51,7 @@ impl<P: Proximal> Participant for Node<P> {
 }
 
 impl<P: Participant + ?Sized> Participant for Box<P> {
-    fn receive(&mut self, message: &Message) -> Received {
+    fn receive(&mut self, message: &NodeMessage) -> Received {
         (**self).receive(message)
     }
 
@@ -59,7 +59,7 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
         (**self).step()
     }
 
-    fn messages(&self) -> Vec<(usize, Message)> {
+    fn messages(&self) -> Vec<(usize, NodeMessage)> {
         (**self).messages()
     }
 
@@ -128,7 +128,7 @@ pub struct Simulation<P> {
     random: ChaCha8Rng,
     now: u64,
     /// What arrives at a tick, with where.
-    under_way: BTreeMap<u64, Vec<(usize, Message)>>,
+    under_way: BTreeMap<u64, Vec<(usize, NodeMessage)>>,
 }
 
 impl<P: Participant> Simulation<P> {

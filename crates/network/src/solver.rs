@@ -1,13 +1,13 @@
 //! The solvers by name: what each averages, and how its numbers are read.
 
-use super::{Constraints, Datum, Graph, NetworkError, Solution, info};
+use super::{Constraints, Datum, Graph, NetworkError, NetworkSolution, info};
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 /// How a network arrives at its solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Solver {
+pub enum NetworkSolver {
     /// Averages the normal equations: few rounds, and the covariance.
     #[default]
     Info,
@@ -25,8 +25,8 @@ pub struct Agreement {
     /// Whose stars bind them.
     pub constraints: Constraints,
     /// How they arrive at the solution.
-    pub solver: Solver,
-    /// Weight of agreement: without unit for [`Solver::Info`], that of a normal matrix for [`Solver::Admm`].
+    pub solver: NetworkSolver,
+    /// Weight of agreement: without unit for [`NetworkSolver::Info`], that of a normal matrix for [`NetworkSolver::Admm`].
     pub rho: f64,
     /// What fixes the parameters.
     pub datum: Datum,
@@ -37,10 +37,10 @@ pub struct Agreement {
 /// What a node knows of the common parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Estimate {
-    /// The parameters alone, from [`Solver::Admm`].
+    /// The parameters alone, from [`NetworkSolver::Admm`].
     Parameters(DVector<f64>),
     /// All that a centre would know.
-    Full(Solution),
+    Full(NetworkSolution),
 }
 
 impl Estimate {
@@ -53,7 +53,7 @@ impl Estimate {
     }
 
     /// The solution with its covariance, where the solver gives one.
-    pub fn solution(&self) -> Option<&Solution> {
+    pub fn solution(&self) -> Option<&NetworkSolution> {
         match self {
             Self::Parameters(_) => None,
             Self::Full(solution) => Some(solution),
@@ -72,9 +72,9 @@ impl Agreement {
             Ok(Estimate::Full(normals.solve(self.datum)?))
         };
         match self.solver {
-            Solver::Info => sum(self.graph.nodes() as f64),
-            Solver::Tree => sum(1.0),
-            Solver::Admm => Ok(Estimate::Parameters(DVector::from_row_slice(estimate))),
+            NetworkSolver::Info => sum(self.graph.nodes() as f64),
+            NetworkSolver::Tree => sum(1.0),
+            NetworkSolver::Admm => Ok(Estimate::Parameters(DVector::from_row_slice(estimate))),
         }
     }
 }

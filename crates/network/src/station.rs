@@ -1,13 +1,13 @@
 //! A receiver in its network: the solver's state machine, with the control of what it observes beside it.
 
-use super::admm::{LeastSquares, Weight};
+use super::admm::{NodeLeastSquares, Weight};
 use super::consensus::{Node, NodeOptions, Received, Residuals};
 use super::info::{self, Average};
-use super::message::{Message, News, Suspect};
+use super::message::{News, NodeMessage, Suspect};
 use super::monitor::{Monitor, Verdict};
 use super::quality::Levels;
 use super::sim::Participant;
-use super::solver::{Agreement, Estimate, Solver};
+use super::solver::{Agreement, Estimate, NetworkSolver};
 use super::tree::TreeNode;
 use super::{LinearModel, NetworkError, Normals};
 
@@ -29,7 +29,7 @@ pub struct Station {
 #[derive(Clone, Debug)]
 enum Machine {
     Info(Node<Average>),
-    Admm(Node<LeastSquares>),
+    Admm(Node<NodeLeastSquares>),
     Tree(TreeNode),
 }
 
@@ -56,23 +56,23 @@ impl Station {
         let (constraints, normals) = (&agreement.constraints, model.normals());
         let shared = normals.clone();
         let machine = match agreement.solver {
-            Solver::Info => {
+            NetworkSolver::Info => {
                 let own = info::pack(&normals);
                 Machine::Info(Node::new(id, constraints, Average { own, rho }, options)?)
             }
-            Solver::Admm => {
+            NetworkSolver::Admm => {
                 let count = constraints.hubs_of(id).len();
-                let problem = LeastSquares::new(shared, &Weight::Scalar(rho), count)?;
+                let problem = NodeLeastSquares::new(shared, &Weight::Scalar(rho), count)?;
                 Machine::Admm(Node::new(id, constraints, problem, options)?)
             }
-            Solver::Tree => {
+            NetworkSolver::Tree => {
                 let tree = agreement.graph.spanning_tree()?;
                 let own = info::pack(&normals);
                 Machine::Tree(TreeNode::new(id, &tree, own, options.first_sequence))
             }
         };
         let monitor = match agreement.solver {
-            Solver::Admm => None,
+            NetworkSolver::Admm => None,
             _ => Some(Monitor::new(id, agreement, model, Levels::default())?),
         };
         Ok(Self {
@@ -156,7 +156,7 @@ impl Station {
 }
 
 impl Participant for Station {
-    fn receive(&mut self, message: &Message) -> Received {
+    fn receive(&mut self, message: &NodeMessage) -> Received {
         let received = self.machine_mut().receive(message);
         if let (Some(monitor), Received::Taken) = (&mut self.monitor, received) {
             monitor.hear(message.sender as usize, &message.news);
@@ -188,7 +188,7 @@ impl Participant for Station {
         moved
     }
 
-    fn messages(&self) -> Vec<(usize, Message)> {
+    fn messages(&self) -> Vec<(usize, NodeMessage)> {
         self.machine().messages()
     }
 

@@ -6,7 +6,7 @@
 
 use super::Graph;
 use super::consensus::{Received, Residuals};
-use super::message::{Body, Message, News};
+use super::message::{Body, News, NodeMessage};
 use super::sim::Participant;
 
 /// A node of a tree.
@@ -60,7 +60,7 @@ impl TreeNode {
 }
 
 impl Participant for TreeNode {
-    fn receive(&mut self, message: &Message) -> Received {
+    fn receive(&mut self, message: &NodeMessage) -> Received {
         let Body::PartialSum { sum } = &message.body else { return Received::Foreign };
         let sender = message.sender as usize;
         let branch = self.branches.iter_mut().find(|branch| branch.neighbour == sender);
@@ -86,7 +86,7 @@ impl Participant for TreeNode {
         true
     }
 
-    fn messages(&self) -> Vec<(usize, Message)> {
+    fn messages(&self) -> Vec<(usize, NodeMessage)> {
         let to = |branch: &Branch| {
             let others = self.branches.iter().filter(|other| other.neighbour != branch.neighbour);
             let sum = others.fold(self.own.clone(), |mut sum, other| {
@@ -95,7 +95,7 @@ impl Participant for TreeNode {
             });
             let body = Body::PartialSum { sum };
             let (sender, sequence) = (self.id as u32, self.sequence);
-            (branch.neighbour, Message { sender, sequence, body, news: self.news })
+            (branch.neighbour, NodeMessage { sender, sequence, body, news: self.news })
         };
         self.branches.iter().map(to).collect()
     }

@@ -1,13 +1,13 @@
 //! Messages as bytes, for transports between processes.
 //!
 //! A packet is, all numbers little-endian: the magic `SDRN`, version (2 bytes), network, parameters and epoch
-//! (8 bytes each), the [`Message`] in the postcard format, and a checksum (8 bytes) of all before it. What does
-//! not fit the receiver's own [`Header`] is refused with a reason, and has no effect.
+//! (8 bytes each), the [`NodeMessage`] in the postcard format, and a checksum (8 bytes) of all before it. What does
+//! not fit the receiver's own [`PacketHeader`] is refused with a reason, and has no effect.
 //!
 //! The checksum is FNV-1a of 64 bits, in which one changed byte always shows, whatever its place. It finds
 //! damage, not forgery: who may send is the transport's affair.
 
-use super::message::{Body, Message};
+use super::message::{Body, NodeMessage};
 use serde::Serialize;
 
 const MAGIC: [u8; 4] = *b"SDRN";
@@ -23,7 +23,7 @@ const ACKNOWLEDGED: usize = 5 + 10;
 
 /// What all messages of one network have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Header {
+pub struct PacketHeader {
     network: u64,
     parameters: u64,
     epoch: u64,
@@ -31,7 +31,7 @@ pub struct Header {
     numbers: usize,
 }
 
-impl Header {
+impl PacketHeader {
     /// The header of a network of `nodes` nodes, which estimates these parameters at this epoch, and whose
     /// messages carry `numbers` numbers each.
     pub fn new<S: AsRef<str>>(
@@ -90,7 +90,7 @@ pub enum Refused {
 }
 
 /// A message as bytes.
-pub fn encode(header: &Header, message: &Message) -> Vec<u8> {
+pub fn encode(header: &PacketHeader, message: &NodeMessage) -> Vec<u8> {
     // Postcard fails on lists of unknown length only; a message has none.
     let mut packet = postcard::to_extend(message, header.prefix()).unwrap_or_default();
     let sum = fnv(FNV_START, &packet);
@@ -102,7 +102,7 @@ pub fn encode(header: &Header, message: &Message) -> Vec<u8> {
 ///
 /// # Errors
 /// [`Refused`]. Any bytes may be given; no more memory is taken than the longest message needs.
-pub fn decode(packet: &[u8], expected: &Header) -> Result<Message, Refused> {
+pub fn decode(packet: &[u8], expected: &PacketHeader) -> Result<NodeMessage, Refused> {
     if packet.len() > expected.longest() {
         return Err(Refused::TooLong);
     }
@@ -126,13 +126,13 @@ pub fn decode(packet: &[u8], expected: &Header) -> Result<Message, Refused> {
     if content.len() < PREFIX || fnv(FNV_START, content).to_le_bytes() != *sum {
         return Err(Refused::Damaged);
     }
-    let decoded = postcard::take_from_bytes::<Message>(&content[PREFIX..]);
+    let decoded = postcard::take_from_bytes::<NodeMessage>(&content[PREFIX..]);
     let (message, rest) = decoded.map_err(|_| Refused::Malformed)?;
     let fits = rest.is_empty() && well_formed(&message, expected);
     fits.then_some(message).ok_or(Refused::Malformed)
 }
 
-fn well_formed(message: &Message, expected: &Header) -> bool {
+fn well_formed(message: &NodeMessage, expected: &PacketHeader) -> bool {
     let (numbers, acknowledged) = match &message.body {
         Body::State { t } => (t, 0),
         Body::Consensus { acknowledged, z } => (z, acknowledged.len()),
@@ -168,18 +168,18 @@ mod tests {
     const NUMBERS: usize = 3;
     const NODES: usize = 3;
 
-    fn header() -> Header {
-        Header::new("test", &["a", "b", "c"], 7, NODES, NUMBERS)
+    fn header() -> PacketHeader {
+        PacketHeader::new("test", &["a", "b", "c"], 7, NODES, NUMBERS)
     }
 
     /// The largest message that there can be, and one of each other kind.
-    fn messages() -> [Message; 3] {
+    fn messages() -> [NodeMessage; 3] {
         let suspect =
             Suspect { statistic: f64::MAX, node: 2, observation: u32::MAX, age: u32::MAX };
         let acknowledged = vec![(u32::MAX, u64::MAX); NODES];
         let z = vec![f64::MIN; NUMBERS];
         let t = vec![-0.0, 1e-300, 3.5];
-        let message = |sequence, body, news| Message { sender: 2, sequence, body, news };
+        let message = |sequence, body, news| NodeMessage { sender: 2, sequence, body, news };
         [
             message(
                 u64::MAX,
@@ -228,9 +228,10 @@ mod tests {
     #[test]
     fn each_foreign_packet_is_refused_for_its_own_reason() {
         let [_, message, _] = messages();
-        let from = |header: Header| decode(&encode(&header, &message), &self::header());
-        let made =
-            |name, parameters: &[&str], epoch| Header::new(name, parameters, epoch, NODES, NUMBERS);
+        let from = |header: PacketHeader| decode(&encode(&header, &message), &self::header());
+        let made = |name, parameters: &[&str], epoch| {
+            PacketHeader::new(name, parameters, epoch, NODES, NUMBERS)
+        };
         let names = ["a", "b", "c"];
         assert_eq!(from(made("other", &names, 7)), Err(Refused::OtherNetwork));
         assert_eq!(from(made("test", &["ab", "c"], 7)), Err(Refused::OtherParameters));
@@ -246,7 +247,7 @@ mod tests {
     #[test]
     fn whole_packets_of_wrong_content_are_refused() {
         let [_, message, _] = messages();
-        let refused = |change: &dyn Fn(&mut Message)| {
+        let refused = |change: &dyn Fn(&mut NodeMessage)| {
             let mut changed = message.clone();
             change(&mut changed);
             decode(&encode(&header(), &changed), &header()) == Err(Refused::Malformed)

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use sdr_rx_network::file::NetworkSetup;
-use sdr_rx_network::solver::Solver;
+use sdr_rx_network::solver::NetworkSolver;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -187,7 +187,7 @@ impl Setup {
 
     /// Whether a move waits for the answers of all neighbours. The sums over a tree need no such thing.
     pub fn in_step(&self) -> bool {
-        self.file.mode == Mode::Synchronous && self.network.agreement.solver != Solver::Tree
+        self.file.mode == Mode::Synchronous && self.network.agreement.solver != NetworkSolver::Tree
     }
 
     /// Shortest time between two moves.

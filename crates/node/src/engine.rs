@@ -38,7 +38,7 @@ pub enum Address {
 
 /// An open connection to the neighbours, closed when dropped.
 #[derive(Debug)]
-pub struct Engine {
+pub(crate) struct Engine {
     network: String,
     id: usize,
     session: zenoh::Session,

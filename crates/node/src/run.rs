@@ -10,7 +10,7 @@ use sdr_rx_network::consensus::{NodeOptions, Received, Rule};
 use sdr_rx_network::message::Body;
 use sdr_rx_network::sim::Participant;
 use sdr_rx_network::station::Station;
-use sdr_rx_network::wire::{self, Header};
+use sdr_rx_network::wire::{self, PacketHeader};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -23,7 +23,7 @@ const NAP: Duration = Duration::from_millis(50);
 /// A node, its place in the network, and what it has heard.
 pub struct Member<'a> {
     setup: &'a Setup,
-    header: Header,
+    header: PacketHeader,
     station: Station,
     round: u64,
     live: BTreeSet<usize>,
@@ -48,7 +48,7 @@ impl<'a> Member<'a> {
         let numbers = station.estimate().len();
         let nodes = network.file.node.len();
         Ok(Self {
-            header: Header::new(name, parameters, setup.file.epoch, nodes, numbers),
+            header: PacketHeader::new(name, parameters, setup.file.epoch, nodes, numbers),
             setup,
             station,
             round: 0,

@@ -31,7 +31,7 @@ pub struct Parameters {
 }
 
 /// The state of sixteen snapshots, and room to work in.
-pub struct State {
+pub(super) struct State {
     y: Block,
     /// W, whose shrinkage is X.
     pub w: Block,

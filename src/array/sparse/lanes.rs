@@ -24,7 +24,7 @@ struct Row([f32; LANES]);
 
 /// A block of sixteen columns: real parts, imaginary parts.
 #[derive(Clone, Debug)]
-pub struct Block([Vec<Row>; 2]);
+pub(super) struct Block([Vec<Row>; 2]);
 
 impl Block {
     /// So many rows of zeros.

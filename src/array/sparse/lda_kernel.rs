@@ -13,7 +13,7 @@ pub struct Kernel {
 }
 
 /// The state of sixteen snapshots, and room to work in.
-pub struct State {
+pub(super) struct State {
     y: Block,
     /// X, the upper part of Z.
     pub x: Block,

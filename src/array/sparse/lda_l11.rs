@@ -21,7 +21,7 @@
 //!
 //! Decisions where the paper is silent or contradicts itself:
 //!
-//! * s_k = eta ([`Step::Constant`]). The step as printed, eta / (k + 1) ([`Step::Decreasing`]), travels eta/2
+//! * s_k = eta ([`StepLength::Constant`]). The step as printed, eta / (k + 1) ([`StepLength::Decreasing`]), travels eta/2
 //!   ln K in all and stays at an NMSE of 0.6 after 10^4 iterations; the constant one gives the published
 //!   minima and the published upper limit of mu.
 //! * Z / |Z| is 0 where Z is 0. The trace in (17) is twice its real part: only so does (27) follow.
@@ -47,7 +47,7 @@ use sdr_rx_linalg::thin_svd;
 
 /// How the step s_k goes with the iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Step {
+pub enum StepLength {
     /// s_k = eta: what gives the paper's figures.
     #[default]
     Constant,
@@ -108,7 +108,7 @@ pub struct LdaSettings {
     /// K.
     pub iterations: usize,
     /// How the step in Z goes on.
-    pub step: Step,
+    pub step: StepLength,
     /// Z0.
     pub z0: Start,
     /// Lam0.
@@ -122,7 +122,7 @@ impl Default for LdaSettings {
             eta: 0.3,
             mu: 0.01,
             iterations: 10_000,
-            step: Step::Constant,
+            step: StepLength::Constant,
             z0: Start::Drawn { seed: 7, scale: 1.0 },
             lambda0: Start::Constant(Complex64::ONE),
         }
@@ -203,8 +203,8 @@ impl<'a> LdaL11<'a> {
         let LdaSettings { gamma, eta, mu, step, .. } = *self.settings;
         self.k += 1;
         let s = match step {
-            Step::Constant => eta,
-            Step::Decreasing => eta / (self.k + 1) as f64,
+            StepLength::Constant => eta,
+            StepLength::Decreasing => eta / (self.k + 1) as f64,
         };
         let one = Complex64::ONE;
         // Z <- Z - s (Z / (2 |Z|) + B^H Lam)
@@ -259,8 +259,8 @@ pub fn solve(a: &CMat, y: &CMat, settings: &LdaSettings) -> Result<CMat, SparseE
         let last = (first + STRETCH - 1).min(settings.iterations);
         let steps: Vec<f32> = (first..=last)
             .map(|k| match settings.step {
-                Step::Constant => settings.eta as f32,
-                Step::Decreasing => (settings.eta / (k + 1) as f64) as f32,
+                StepLength::Constant => settings.eta as f32,
+                StepLength::Decreasing => (settings.eta / (k + 1) as f64) as f32,
             })
             .collect();
         state.iter_mut().for_each(|block| kernel.iterate(block, &steps));

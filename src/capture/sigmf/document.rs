@@ -82,7 +82,7 @@ pub struct Capture {
     pub aperture_azimuth: Option<f64>,
     /// The same with elevation; goes before `aperture_azimuth`.
     #[serde(rename = "spatial:aperture_bearing", skip_serializing_if = "Option::is_none")]
-    pub aperture_bearing: Option<Bearing>,
+    pub aperture_bearing: Option<ApertureBearing>,
     /// Right-handed turn about the boresight, degrees.
     #[serde(rename = "spatial:aperture_rotation", skip_serializing_if = "Option::is_none")]
     pub aperture_rotation: Option<f64>,
@@ -115,7 +115,7 @@ pub struct CartesianPoint {
 
 /// Where the boresight points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Bearing {
+pub struct ApertureBearing {
     /// Degrees from north over east.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth: Option<f64>,

@@ -4,7 +4,7 @@ mod document;
 mod spatial;
 mod write;
 
-pub use document::{Bearing, Capture, CartesianPoint, Extension, Global, Metadata};
+pub use document::{ApertureBearing, Capture, CartesianPoint, Extension, Global, Metadata};
 pub(in crate::capture) use spatial::joined;
 pub use write::SigmfWriter;
 
@@ -12,7 +12,7 @@ use super::error::wrong;
 use super::file_source::Description;
 use super::lane::Data;
 use super::number::Number;
-use super::{CaptureError, OpenOptions, SampleFormat};
+use super::{CaptureError, Note, OpenOptions, SampleFormat};
 use crate::gnss::constants::L1_HZ;
 use std::path::{Path, PathBuf};
 
@@ -98,18 +98,11 @@ fn interpret(
         return Err(wrong(path, "core:header_bytes", reason));
     }
     if metadata.captures.len() > 1 {
-        notes.push(format!(
-            "'{}' has {} segments: frequency and time of the first are taken for all, and gaps \
-             between them are not known",
-            path.display(),
-            metadata.captures.len()
-        ));
+        let segments = metadata.captures.len();
+        notes.push(Note::Segments { path: path.to_owned(), segments });
     }
     if first.frequency.is_none() && !format.is_real() {
-        notes.push(format!(
-            "'{}' states no core:frequency: the L1 carrier is taken to lie at 0 Hz; give --if otherwise",
-            path.display()
-        ));
+        notes.push(Note::NoFrequency(path.to_owned()));
     }
     let start_time = match &first.datetime {
         None => None,

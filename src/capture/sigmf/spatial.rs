@@ -11,7 +11,7 @@
 //! Weights of the channels of one file have no field of the extension: they stand in
 //! `sdr_rx:calibration`, [re, im] for each channel.
 
-use super::document::{Bearing, Capture, CartesianPoint, Extension, Global};
+use super::document::{ApertureBearing, Capture, CartesianPoint, Extension, Global};
 use crate::capture::CaptureError;
 use crate::capture::error::wrong;
 use crate::gnss::antenna::{AntennaArray, ArrayDescription, Attitude};
@@ -35,7 +35,7 @@ pub(super) fn describe(array: &ArrayDescription, global: &mut Global, capture: &
     global.channel_index = Some(0);
     capture.aperture_azimuth = Some(yaw_deg);
     capture.aperture_bearing = (pitch_deg != 0.0)
-        .then_some(Bearing { azimuth: Some(yaw_deg), elevation: Some(pitch_deg) });
+        .then_some(ApertureBearing { azimuth: Some(yaw_deg), elevation: Some(pitch_deg) });
     capture.aperture_rotation = (roll_deg != 0.0).then_some(roll_deg);
     let point = |p: &Vector3<f64>| CartesianPoint { point: Some([p.y, 0.0 - p.x, p.z]) };
     capture.element_geometry = Some(array.array.elements_m.iter().map(point).collect());

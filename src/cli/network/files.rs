@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// A network of receivers that each have a bias of their own.
-pub struct Network {
+pub(super) struct Network {
     pub name: String,
     /// Names of the common parameters.
     pub parameters: Vec<String>,

@@ -4,7 +4,7 @@ use super::files::Network;
 use clap::ValueEnum;
 use sdr_rx::gnss::random::SplitMix64;
 use sdr_rx::network::file::{ModelFile, ObservationEntry};
-use sdr_rx::network::scene::{Layout, Scene};
+use sdr_rx::network::scene::{NetworkLayout, StationScene};
 use sdr_rx::network::{Datum, LinearModel};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -41,7 +41,7 @@ enum LayoutArg {
     Bridges,
 }
 
-impl From<LayoutArg> for Layout {
+impl From<LayoutArg> for NetworkLayout {
     fn from(arg: LayoutArg) -> Self {
         match arg {
             LayoutArg::Nine => Self::Nine,
@@ -53,7 +53,7 @@ impl From<LayoutArg> for Layout {
 
 /// Writes the files.
 pub fn run(args: &Make) -> anyhow::Result<ExitCode> {
-    let scene = Scene::new(args.layout.into(), args.seed)?;
+    let scene = StationScene::new(args.layout.into(), args.seed)?;
     let models = scene.models(0, Datum::ZeroMean, &mut SplitMix64::new(args.seed));
     let satellites = models.first().map_or(0, |model| model.design.ncols());
     let parameters: Vec<String> = (1..=satellites).map(|k| format!("S{k:02}")).collect();
@@ -61,7 +61,7 @@ pub fn run(args: &Make) -> anyhow::Result<ExitCode> {
         let entry = |(k, (satellite, sine)): (usize, &(usize, f64))| ObservationEntry {
             coefficients: BTreeMap::from([(parameters[*satellite].clone(), 1.0)]),
             value: model.observations[k],
-            sigma: Scene::sigma_m(*sine),
+            sigma: StationScene::sigma_m(*sine),
         };
         let observations = scene.view(station, 0).iter().enumerate().map(entry).collect();
         (format!("N{station:03}"), ModelFile { receiver_bias: true, observations })

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Receivers that talk to their neighbours only, and each arrive at the solution of all
 #[derive(clap::Args)]
-pub struct Network {
+pub(crate) struct Network {
     #[command(subcommand)]
     command: Command,
 }

@@ -8,9 +8,9 @@ use sdr_rx::network::message::Suspect;
 use sdr_rx::network::monitor::Verdict;
 use sdr_rx::network::quality::{Levels, ModelTest};
 use sdr_rx::network::sim::{self, Conditions, Simulation};
-use sdr_rx::network::solver::{Estimate, Solver};
+use sdr_rx::network::solver::{Estimate, NetworkSolver};
 use sdr_rx::network::station::Station;
-use sdr_rx::network::{LinearModel, Normals, Solution};
+use sdr_rx::network::{LinearModel, NetworkSolution, Normals};
 use sdr_rx::report::{Curve, LinePlot, OutputDir, write_atomically};
 use serde_json::json;
 use std::fmt::Write;
@@ -22,7 +22,7 @@ use std::process::ExitCode;
 /// Example: sdr-rx network make nine && sdr-rx network run nine/network.toml
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
-pub struct Run {
+pub(super) struct Run {
     /// The network, and the models that it names
     #[arg(value_name = "NETWORK.toml")]
     network: PathBuf,
@@ -125,7 +125,7 @@ fn options(args: &Run, setup: &NetworkSetup) -> NodeOptions {
 }
 
 /// What a centre would compute of all that the nodes hold for credible.
-fn centre(setup: &NetworkSetup, nodes: &[Station]) -> anyhow::Result<Solution> {
+fn centre(setup: &NetworkSetup, nodes: &[Station]) -> anyhow::Result<NetworkSolution> {
     let mut sum = Normals::none(setup.agreement.parameters);
     nodes.iter().for_each(|node| sum.add(node.normals()));
     let solution = sum.solve(setup.agreement.datum);
@@ -139,7 +139,7 @@ fn drive(
     setup: &NetworkSetup,
     nodes: Vec<Station>,
 ) -> anyhow::Result<(Vec<Station>, Vec<f64>)> {
-    let worst = |nodes: &[Station], centre: &Solution| {
+    let worst = |nodes: &[Station], centre: &NetworkSolution| {
         let off = |found: &Estimate| (found.x() - &centre.x).amax();
         let each = nodes.iter().map(|node| node.read().as_ref().map_or(f64::INFINITY, off));
         each.fold(0.0, f64::max)
@@ -154,7 +154,7 @@ fn drive(
     let conditions = Conditions { loss: args.loss, ..Conditions::default() };
     let mut simulation = Simulation::new(nodes, conditions, args.seed)?;
     // Nothing ends while a fault is named but not yet out, or a node still waits for the others.
-    let checked = args.rounds.is_none() && setup.agreement.solver != Solver::Admm;
+    let checked = args.rounds.is_none() && setup.agreement.solver != NetworkSolver::Admm;
     let waits = |node: &Station| matches!(node.verdict(), Verdict::Named(_) | Verdict::Unsettled);
     let open =
         |nodes: &[Station], now| checked && now < PATIENCE * needed && nodes.iter().any(waits);
@@ -186,7 +186,7 @@ fn same(a: &Suspect, b: &Suspect) -> bool {
 struct Found<'a> {
     args: &'a Run,
     setup: &'a NetworkSetup,
-    centre: &'a Solution,
+    centre: &'a NetworkSolution,
     nodes: &'a [Station],
     trace: &'a [f64],
 }

@@ -52,6 +52,26 @@ impl From<AntennaArray> for ArrayDescription {
     }
 }
 
+impl TryFrom<ArrayTable> for ArrayDescription {
+    type Error = String;
+
+    fn try_from(table: ArrayTable) -> Result<Self, String> {
+        let array = table.elements()?;
+        let count = array.len();
+        let errors = table.errors.unwrap_or_default().resolve(count)?;
+        let calibration = table.calibration.map(|c| c.resolve(count)).transpose()?;
+        let (description, attitude) = (table.description, table.attitude);
+        Ok(Self { description, array, attitude, errors, calibration })
+    }
+}
+
+impl From<ArrayDescription> for ArrayTable {
+    fn from(from: ArrayDescription) -> Self {
+        let ArrayDescription { description, array, attitude, errors, calibration } = from;
+        Self::listed(description, &array, attitude, &errors, calibration)
+    }
+}
+
 impl ArrayDescription {
     /// An array as it is named on the command line: `ula:8`, `ula:8:0.5`, `ura:2x2`, `ura:2x2:0.5`,
     /// `uca:8:0.5` (elements; spacing or radius in wavelengths, half a wavelength of spacing by default),

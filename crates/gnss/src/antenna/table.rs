@@ -1,9 +1,8 @@
 //! An array as TOML says it.
 
-use super::{AntennaArray, ArrayDescription, Attitude};
+use super::{AntennaArray, Attitude};
 use crate::checked;
 use crate::constants::L1_WAVELENGTH;
-use nalgebra::Vector3;
 use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +19,7 @@ const FARTHEST_M: f64 = 1000.0;
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ArrayTable {
     #[serde(skip_serializing_if = "String::is_empty")]
-    description: String,
+    pub description: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     elements_m: Option<Vec<[f64; 3]>>,
     #[serde(skip_serializing)]
@@ -29,11 +28,11 @@ pub(super) struct ArrayTable {
     rectangular: Option<Rectangular>,
     #[serde(skip_serializing)]
     circular: Option<Circular>,
-    attitude: Attitude,
+    pub attitude: Attitude,
     #[serde(skip_serializing_if = "Option::is_none")]
-    errors: Option<Errors>,
+    pub errors: Option<Errors>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    calibration: Option<Calibration>,
+    pub calibration: Option<Calibration>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -68,7 +67,7 @@ fn half() -> f64 {
 /// What the elements make of a wave: lists, or normal deviates of these deviations.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-struct Errors {
+pub(super) struct Errors {
     #[serde(skip_serializing_if = "Option::is_none")]
     gain_db: Option<Vec<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -84,7 +83,7 @@ struct Errors {
 /// What a receiver multiplies the channels by.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-struct Calibration {
+pub(super) struct Calibration {
     #[serde(skip_serializing_if = "Option::is_none")]
     gain_db: Option<Vec<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -120,7 +119,7 @@ fn weights(
 }
 
 impl Errors {
-    fn resolve(&self, count: usize) -> Result<Vec<Complex64>, String> {
+    pub fn resolve(&self, count: usize) -> Result<Vec<Complex64>, String> {
         let drawn = self.gain_rms_db > 0.0 || self.phase_rms_deg > 0.0;
         if !drawn {
             return weights("errors", count, &self.gain_db, &self.phase_deg);
@@ -142,7 +141,7 @@ impl Errors {
 }
 
 impl Calibration {
-    fn resolve(&self, count: usize) -> Result<Vec<Complex64>, String> {
+    pub fn resolve(&self, count: usize) -> Result<Vec<Complex64>, String> {
         let Some(list) = &self.weights else {
             return weights("calibration", count, &self.gain_db, &self.phase_deg);
         };
@@ -166,7 +165,7 @@ impl Calibration {
 
 impl ArrayTable {
     /// The one geometry that is given.
-    fn elements(&self) -> Result<AntennaArray, String> {
+    pub fn elements(&self) -> Result<AntennaArray, String> {
         let within = |count: Option<usize>| match count {
             Some(1..=MOST) => Ok(()),
             _ => Err(format!("the number of elements must be 1 to {MOST}")),
@@ -201,39 +200,27 @@ impl ArrayTable {
             None => Ok(array),
         }
     }
-}
-
-impl TryFrom<ArrayTable> for ArrayDescription {
-    type Error = String;
-
-    fn try_from(table: ArrayTable) -> Result<Self, String> {
-        let array = table.elements()?;
-        let count = array.len();
-        let errors = table.errors.unwrap_or_default().resolve(count)?;
-        let calibration = table.calibration.map(|c| c.resolve(count)).transpose()?;
-        let (description, attitude) = (table.description, table.attitude);
-        Ok(Self { description, array, attitude, errors, calibration })
-    }
-}
-
-impl From<ArrayDescription> for ArrayTable {
-    fn from(from: ArrayDescription) -> Self {
-        let errors = Errors {
-            gain_db: Some(from.errors.iter().map(|g| 20.0 * g.norm().log10()).collect()),
-            phase_deg: Some(from.errors.iter().map(|g| g.arg().to_degrees()).collect()),
+    /// The table that lists elements, errors and weights one by one.
+    pub fn listed(
+        description: String,
+        array: &AntennaArray,
+        attitude: Attitude,
+        errors: &[Complex64],
+        calibration: Option<Vec<Complex64>>,
+    ) -> Self {
+        let listed = Errors {
+            gain_db: Some(errors.iter().map(|g| 20.0 * g.norm().log10()).collect()),
+            phase_deg: Some(errors.iter().map(|g| g.arg().to_degrees()).collect()),
             ..Errors::default()
         };
         let pairs = |list: Vec<Complex64>| list.iter().map(|w| [w.re, w.im]).collect();
-        let calibration = from
-            .calibration
+        let calibration = calibration
             .map(|list| Calibration { weights: Some(pairs(list)), ..Calibration::default() });
         Self {
-            description: from.description,
-            elements_m: Some(
-                from.array.elements_m.iter().map(|p: &Vector3<f64>| (*p).into()).collect(),
-            ),
-            attitude: from.attitude,
-            errors: from.errors.iter().any(|g| *g != Complex64::ONE).then_some(errors),
+            description,
+            elements_m: Some(array.elements_m.iter().map(|p| (*p).into()).collect()),
+            attitude,
+            errors: errors.iter().any(|g| *g != Complex64::ONE).then_some(listed),
             calibration,
             ..Self::default()
         }

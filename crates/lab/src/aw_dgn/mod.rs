@@ -25,14 +25,14 @@ const DAMPINGS: [f64; 8] = [0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.0];
 
 /// How thorough to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Effort {
+pub struct AwDgnEffort {
     /// Time between epochs at the three sites, s; the paper has 60 or 10.
     pub interval_s: f64,
     /// Draws for each cell of the failure maps.
     pub draws: u64,
 }
 
-impl Effort {
+impl AwDgnEffort {
     /// The paper's epochs, a minute apart.
     pub const FULL: Self = Self { interval_s: 60.0, draws: 2000 };
     /// Some seconds.
@@ -94,7 +94,7 @@ impl Summary {
 }
 
 /// Makes the figures, tables and maps; `progress` is told the share that is done, 0 to 1.
-pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
+pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
     let turin = Study::turin();
     let dampings = DAMPINGS.iter().flat_map(|&mu0| [Solver::Adgn(mu0), Solver::AwDgn(mu0)]);
     let fixed = [Solver::Gn, Solver::AdgnBt, Solver::AwDgnBt, Solver::VpOnce, Solver::Vp];

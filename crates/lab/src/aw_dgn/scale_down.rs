@@ -11,7 +11,7 @@ use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Sa
 
 /// Which of the two observables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Observable {
+pub(super) enum Observable {
     /// Pseudorange with an error of 3 m.
     Pseudorange,
     /// Doppler with an error of 0.5 Hz.

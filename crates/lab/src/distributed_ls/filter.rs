@@ -4,12 +4,12 @@ use super::way::{Epoch, total};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use sdr_rx::gnss::random::SplitMix64;
-use sdr_rx::network::admm::{LeastSquares, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, Weight};
 use sdr_rx::network::filter::InformationFilter;
 use sdr_rx::network::info;
-use sdr_rx::network::scene::{INTERVAL_S, SATELLITES, Scene};
+use sdr_rx::network::scene::{INTERVAL_S, SATELLITES, StationScene};
 use sdr_rx::network::sim::{self, Participant};
-use sdr_rx::network::{Datum, NetworkError, Normals, Solution};
+use sdr_rx::network::{Datum, NetworkError, NetworkSolution, Normals};
 use sdr_rx::report::{Curve, LinePlot};
 
 /// rho of the paper's iterations for one epoch of data.
@@ -77,14 +77,14 @@ pub fn below_one_from(values: &[f64]) -> Option<usize> {
 ///
 /// # Errors
 /// [`NetworkError::Singular`] when a satellite is seen by nobody at the first.
-pub fn filter(scene: &Scene, epochs: usize, seed: u64) -> Result<Filtered, NetworkError> {
+pub fn filter(scene: &StationScene, epochs: usize, seed: u64) -> Result<Filtered, NetworkError> {
     let datum = Datum::Observed;
     let mut rng = SplitMix64::new(seed);
     let normals: Vec<Vec<Normals>> = (0..epochs)
         .map(|k| scene.models(k, datum, &mut rng).iter().map(|model| model.normals()).collect())
         .collect();
     let mut filter = InformationFilter::new(SATELLITES, 1.0)?;
-    let centre: Vec<Solution> = normals
+    let centre: Vec<NetworkSolution> = normals
         .iter()
         .map(|epoch| {
             filter.update(&total(epoch));
@@ -127,8 +127,8 @@ pub fn filter(scene: &Scene, epochs: usize, seed: u64) -> Result<Filtered, Netwo
             .map(|(keeping, values)| curve(keeping.name(), &|k| values[k]))
             .collect(),
     };
-    let error = |solution: &Solution| over_three_sigma(&truth, solution);
-    let beyond = |solution: &Solution| {
+    let error = |solution: &NetworkSolution| over_three_sigma(&truth, solution);
+    let beyond = |solution: &NetworkSolution| {
         let error = (&truth - &solution.x).component_div(&solution.sigma());
         error.iter().filter(|e| e.abs() > 3.0).count()
     };
@@ -143,7 +143,7 @@ pub fn filter(scene: &Scene, epochs: usize, seed: u64) -> Result<Filtered, Netwo
 }
 
 /// The largest |x_j - x of the centre| / (3 sigma_j).
-fn over_three_sigma(x: &DVector<f64>, centre: &Solution) -> f64 {
+fn over_three_sigma(x: &DVector<f64>, centre: &NetworkSolution) -> f64 {
     (x - &centre.x).component_div(&(centre.sigma() * 3.0)).amax()
 }
 
@@ -151,7 +151,7 @@ fn keep_up(
     keeping: Keeping,
     first: &Epoch,
     normals: &[Vec<Normals>],
-    centre: &[Solution],
+    centre: &[NetworkSolution],
 ) -> Result<Vec<f64>, NetworkError> {
     let nodes = first.normals.len();
     let constraints = |id: usize| first.constraints.hubs_of(id).len();
@@ -171,7 +171,7 @@ fn keep_up(
                 }
                 Keeping::Constant(_) => {
                     let (all, weight) = (own[id].normals().clone(), Weight::Scalar(RHO));
-                    solutions[id].problem = LeastSquares::new(all, &weight, constraints(id))?;
+                    solutions[id].problem = NodeLeastSquares::new(all, &weight, constraints(id))?;
                 }
             }
         }
@@ -194,7 +194,7 @@ fn keep_up(
 
 fn farthest<P: Participant>(
     nodes: &[P],
-    centre: &Solution,
+    centre: &NetworkSolution,
     read: impl Fn(&P) -> Option<DVector<f64>>,
 ) -> f64 {
     let off = |node| read(node).map_or(f64::INFINITY, |x| over_three_sigma(&x, centre));

@@ -18,7 +18,7 @@ use crate::claim::Claim;
 use filter::Filtered;
 use networks::Shown;
 use rayon::prelude::*;
-use sdr_rx::network::scene::{Layout, Scene};
+use sdr_rx::network::scene::{NetworkLayout, StationScene};
 use sdr_rx::network::{Datum, NetworkError};
 use sdr_rx::report::{Curve, LinePlot};
 use settings::Setting;
@@ -27,7 +27,7 @@ use way::{Epoch, Way, count};
 
 /// How thorough to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Effort {
+pub struct DistributedLsEffort {
     /// Networks over which is counted.
     pub networks: u64,
     /// Most iterations of a way.
@@ -36,7 +36,7 @@ pub struct Effort {
     pub epochs: usize,
 }
 
-impl Effort {
+impl DistributedLsEffort {
     /// 2.5 h, ten networks.
     pub const FULL: Self = Self { networks: 10, limit: 4000, epochs: 300 };
     /// Some seconds.
@@ -45,7 +45,7 @@ impl Effort {
 
 /// All that was measured.
 struct Measured {
-    effort: Effort,
+    effort: DistributedLsEffort,
     filtered: Filtered,
     settings: Vec<(Setting, Way)>,
     starts: [Way; 3],
@@ -64,11 +64,11 @@ struct Measured {
 /// [`NetworkError`] of a scene that cannot be solved.
 pub fn run(
     seed: u64,
-    effort: Effort,
+    effort: DistributedLsEffort,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Findings, NetworkError> {
     let limit = effort.limit;
-    let scene = Scene::new(Layout::Hubs, seed)?;
+    let scene = StationScene::new(NetworkLayout::Hubs, seed)?;
     let epoch = Epoch::new(&scene, 0, Datum::Observed, seed)?;
     let free = Epoch::new(&scene, 0, Datum::ZeroMean, seed)?;
     let way = |&setting: &Setting| Ok((setting, setting.way(&epoch, &free, limit)?));
@@ -76,8 +76,8 @@ pub fn run(
     progress(0.2);
     let filtered = filter::filter(&scene, effort.epochs, seed)?;
     progress(0.5);
-    let networks = networks::networks(Layout::Hubs, effort.networks, limit)?;
-    let bridges = networks::networks(Layout::Bridges, effort.networks, limit)?;
+    let networks = networks::networks(NetworkLayout::Hubs, effort.networks, limit)?;
+    let bridges = networks::networks(NetworkLayout::Bridges, effort.networks, limit)?;
     progress(0.8);
     let measured = Measured {
         effort,

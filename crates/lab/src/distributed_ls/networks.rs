@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use sdr_rx::network::admm::Weight;
 use sdr_rx::network::info;
 use sdr_rx::network::plan::plan;
-use sdr_rx::network::scene::{Layout, SATELLITES, Scene};
+use sdr_rx::network::scene::{NetworkLayout, SATELLITES, StationScene};
 use sdr_rx::network::sim::{self, Participant};
 use sdr_rx::network::tree::TreeNode;
 use sdr_rx::network::{Constraints, Datum, Graph, NINE_NODES, NetworkError};
@@ -51,12 +51,16 @@ fn ranks(values: Vec<usize>) -> Vec<f64> {
 ///
 /// # Errors
 /// [`NetworkError::Singular`] when a satellite is seen by nobody.
-pub fn networks(layout: Layout, count: u64, limit: usize) -> Result<Vec<Shown>, NetworkError> {
+pub fn networks(
+    layout: NetworkLayout,
+    count: u64,
+    limit: usize,
+) -> Result<Vec<Shown>, NetworkError> {
     (1..=count).into_par_iter().map(|seed| network(layout, seed, limit)).collect()
 }
 
-fn network(layout: Layout, seed: u64, limit: usize) -> Result<Shown, NetworkError> {
-    let scene = Scene::new(layout, seed)?;
+fn network(layout: NetworkLayout, seed: u64, limit: usize) -> Result<Shown, NetworkError> {
+    let scene = StationScene::new(layout, seed)?;
     let epoch = Epoch::new(&scene, 0, Datum::Observed, seed)?;
     let admm = epoch.way(&mut epoch.admm(&Weight::Scalar(0.5), 1.6)?, limit);
     let plan = plan(&epoch.constraints)?;
@@ -83,7 +87,7 @@ pub const SETS: [&[usize]; 3] = [&[1, 3, 4, 9], &[1, 3, 4, 6, 9], &[1, 2, 3, 4, 
 /// [`NetworkError::Singular`] when a satellite is seen by nobody.
 pub fn constraint_nodes(count: u64, limit: usize) -> Result<Vec<[Option<usize>; 3]>, NetworkError> {
     let one = |seed: u64| {
-        let scene = Scene::new(Layout::Nine, seed)?;
+        let scene = StationScene::new(NetworkLayout::Nine, seed)?;
         let mut epoch = Epoch::new(&scene, 0, Datum::Observed, seed)?;
         let mut best = [None; 3];
         for (set, best) in SETS.iter().zip(&mut best) {
@@ -113,7 +117,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 ///
 /// # Errors
 /// [`NetworkError::Disconnected`].
-pub fn tree(scene: &Scene, epoch: &Epoch) -> Result<(usize, f64), NetworkError> {
+pub fn tree(scene: &StationScene, epoch: &Epoch) -> Result<(usize, f64), NetworkError> {
     let tree = scene.graph.spanning_tree()?;
     let node = |(id, normals)| TreeNode::new(id, &tree, info::pack(normals), 0);
     let mut nodes: Vec<_> = epoch.normals.iter().enumerate().map(node).collect();

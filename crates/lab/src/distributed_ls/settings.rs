@@ -3,7 +3,7 @@
 
 use super::way::{Epoch, Way, total};
 use nalgebra::DVectorView;
-use sdr_rx::network::admm::{LeastSquares, PrintedForm, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, PrintedForm, Weight};
 use sdr_rx::network::consensus::Node;
 use sdr_rx::network::plan::plan;
 use sdr_rx::network::scene::SATELLITES;
@@ -112,13 +112,13 @@ fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError
     let constraints = |id: usize| epoch.constraints.hubs_of(id).len();
     while way.deviations.len() < LAST.min(limit) {
         let largest =
-            |of: &dyn Fn(&Node<LeastSquares>) -> f64| nodes.iter().map(of).fold(0.0, f64::max);
-        let gradient = |node: &Node<LeastSquares>| {
+            |of: &dyn Fn(&Node<NodeLeastSquares>) -> f64| nodes.iter().map(of).fold(0.0, f64::max);
+        let gradient = |node: &Node<NodeLeastSquares>| {
             let normals = &epoch.normals[node.id()];
             let x = DVectorView::from_slice(node.estimate(), SATELLITES);
             (&normals.right - &normals.matrix * x).amax() / constraints(node.id()) as f64
         };
-        let size = |node: &Node<LeastSquares>| {
+        let size = |node: &Node<NodeLeastSquares>| {
             node.estimate().iter().fold(0.0, |m: f64, x| m.max(x.abs()))
         };
         let primal = largest(&|node| node.residuals().primal) / largest(&size);
@@ -132,7 +132,7 @@ fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError
             rho *= factor;
             for (id, node) in nodes.iter_mut().enumerate() {
                 let (normals, weight) = (epoch.normals[id].clone(), Weight::Scalar(rho));
-                node.problem = LeastSquares::new(normals, &weight, constraints(id))?;
+                node.problem = NodeLeastSquares::new(normals, &weight, constraints(id))?;
                 node.rescale_duals(1.0 / factor);
             }
         }

@@ -1,8 +1,8 @@
 //! Figure 10: from where the iterations start.
 
 use super::way::{Epoch, Way};
-use sdr_rx::network::admm::{LeastSquares, Weight};
-use sdr_rx::network::scene::Scene;
+use sdr_rx::network::admm::{NodeLeastSquares, Weight};
+use sdr_rx::network::scene::StationScene;
 use sdr_rx::network::{Datum, NetworkError};
 
 /// Weight of agreement of all three ways; alpha is 1.
@@ -15,7 +15,7 @@ const OFF_M: f64 = 1.0;
 ///
 /// # Errors
 /// [`NetworkError::Singular`] when a satellite is seen by nobody.
-pub fn ways(scene: &Scene, seed: u64, limit: usize) -> Result<[Way; 3], NetworkError> {
+pub fn ways(scene: &StationScene, seed: u64, limit: usize) -> Result<[Way; 3], NetworkError> {
     let datum = Datum::Observed;
     let epoch = Epoch::new(scene, 1, datum, seed)?;
     let before = Epoch::new(scene, 0, datum, seed + 1000)?;
@@ -30,7 +30,7 @@ pub fn ways(scene: &Scene, seed: u64, limit: usize) -> Result<[Way; 3], NetworkE
     before.way(&mut warm, limit);
     for (id, node) in warm.iter_mut().enumerate() {
         let constraints = epoch.constraints.hubs_of(id).len();
-        node.problem = LeastSquares::new(epoch.normals[id].clone(), &weight, constraints)?;
+        node.problem = NodeLeastSquares::new(epoch.normals[id].clone(), &weight, constraints)?;
     }
     Ok([&mut cold, &mut near, &mut warm].map(|nodes| epoch.way(nodes, limit)))
 }

@@ -2,12 +2,12 @@
 
 use nalgebra::DVector;
 use sdr_rx::gnss::random::SplitMix64;
-use sdr_rx::network::admm::{LeastSquares, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, Weight};
 use sdr_rx::network::consensus::{Node, NodeOptions, Proximal};
 use sdr_rx::network::info::{self, Average};
-use sdr_rx::network::scene::{SATELLITES, Scene};
+use sdr_rx::network::scene::{SATELLITES, StationScene};
 use sdr_rx::network::sim::{self, Participant};
-use sdr_rx::network::{Constraints, Datum, NetworkError, Normals, Solution};
+use sdr_rx::network::{Constraints, Datum, NetworkError, NetworkSolution, Normals};
 use sdr_rx::report::Curve;
 
 /// What counts as arrived, m.
@@ -17,13 +17,13 @@ const END_M: f64 = 1e-5;
 
 /// An epoch's normal equations, and what a centre would compute of them.
 #[derive(Clone, Debug)]
-pub struct Epoch {
+pub(super) struct Epoch {
     /// Whose stars bind the nodes.
     pub constraints: Constraints,
     /// Each station's.
     pub normals: Vec<Normals>,
     /// The centre's.
-    pub solution: Solution,
+    pub solution: NetworkSolution,
 }
 
 impl Epoch {
@@ -32,7 +32,7 @@ impl Epoch {
     /// # Errors
     /// [`NetworkError::Singular`] when a satellite is seen by nobody.
     pub fn new(
-        scene: &Scene,
+        scene: &StationScene,
         number: usize,
         datum: Datum,
         seed: u64,
@@ -54,10 +54,10 @@ impl Epoch {
         &self,
         weight: &Weight,
         relaxation: f64,
-    ) -> Result<Vec<Node<LeastSquares>>, NetworkError> {
+    ) -> Result<Vec<Node<NodeLeastSquares>>, NetworkError> {
         self.nodes(relaxation, |id| {
             let count = self.constraints.hubs_of(id).len();
-            LeastSquares::new(self.normals[id].clone(), weight, count)
+            NodeLeastSquares::new(self.normals[id].clone(), weight, count)
         })
     }
 

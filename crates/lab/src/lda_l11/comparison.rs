@@ -1,6 +1,6 @@
 //! Figure 5: LDA-l1,1 beside the methods that the paper compares it with, error against iterations.
 
-use super::{Effort, Problem, mean};
+use super::{LdaL11Effort, Problem, mean};
 use crate::baselines::{cvx_l11, cvx_l21, dg_l21, efrs, lrma_svt};
 use crate::claim::Claim;
 use crate::{Findings, Scene};
@@ -73,7 +73,7 @@ impl Errors {
 }
 
 /// The figure, for X and for A X, and its claims.
-pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
+pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
     let scene = Scene::default();
     let problems: Vec<Problem> =
         (1..=effort.seeds).map(|seed| Problem::new(&scene, seed)).collect();

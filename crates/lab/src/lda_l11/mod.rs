@@ -13,7 +13,7 @@ use sdr_rx::array::{CMat, paper_dictionary};
 
 /// How thorough to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effort {
+pub struct LdaL11Effort {
     /// Scenes that are averaged, seeds 1 on.
     pub seeds: u64,
     /// Snapshots of each in the sweeps of figures 2 to 4 (figure 5 has the paper's 100).
@@ -22,7 +22,7 @@ pub struct Effort {
     pub iterations: usize,
 }
 
-impl Effort {
+impl LdaL11Effort {
     /// Some minutes on two cores.
     pub const FULL: Self = Self { seeds: 4, snapshots: 64, iterations: 20_000 };
     /// Half a minute.
@@ -33,7 +33,7 @@ impl Effort {
 ///
 /// # Errors
 /// When a solver fails.
-pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
+pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
     let mut findings = sweeps::run(effort, &|share| progress(0.6 * share))?;
     findings.extend(comparison::run(effort, &|share| progress(0.6 + 0.4 * share))?);
     Ok(findings)

@@ -1,11 +1,11 @@
 //! Figures 2, 3 and 4: the error of LDA-l1,1 against gamma, eta and mu.
 
-use super::{Effort, Problem, mean};
+use super::{LdaL11Effort, Problem, mean};
 use crate::claim::Claim;
 use crate::{Findings, Scene};
 use rayon::prelude::*;
 use sdr_rx::array::sparse::l1_admm::{AdmmPlan, AdmmSettings};
-use sdr_rx::array::sparse::lda_l11::{self, LdaSettings, Step};
+use sdr_rx::array::sparse::lda_l11::{self, LdaSettings, StepLength};
 use sdr_rx::array::sparse::{SparseError, nmse};
 use sdr_rx::report::{Curve, LinePlot};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -62,7 +62,7 @@ fn base() -> LdaSettings {
 }
 
 /// The three figures.
-pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
+pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
     let scene = Scene { snapshots: effort.snapshots, ..Scene::default() };
     let problems: Vec<Problem> =
         (1..=effort.seeds).map(|seed| Problem::new(&scene, seed)).collect();
@@ -73,7 +73,7 @@ pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, 
     let tell = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / total as f64);
 
     // Mean over the scenes; one that diverges has no error.
-    let curve = |sweep: &Sweep, step: Step| -> Result<Vec<(f64, f64)>, SparseError> {
+    let curve = |sweep: &Sweep, step: StepLength| -> Result<Vec<(f64, f64)>, SparseError> {
         let tasks: Vec<_> =
             sweep.values.iter().flat_map(|v| problems.iter().map(move |p| (*v, p))).collect();
         let errors = tasks.par_iter().map(|(value, problem)| {
@@ -93,11 +93,11 @@ pub fn run(effort: Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, 
 
     let mut findings = Findings::default();
     for sweep in &SWEEPS {
-        let constant = curve(sweep, Step::Constant)?;
+        let constant = curve(sweep, StepLength::Constant)?;
         findings.claims.extend(claims(sweep, &constant));
         let mut curves = vec![Curve { name: "LDA-l1,1, constant step".into(), points: constant }];
         if sweep.symbol == "eta" {
-            let points = curve(sweep, Step::Decreasing)?;
+            let points = curve(sweep, StepLength::Decreasing)?;
             findings.claims.push(printed_step(&points));
             curves.push(Curve { name: "LDA-l1,1, step as printed".into(), points });
         }

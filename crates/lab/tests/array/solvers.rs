@@ -5,7 +5,7 @@ use crate::common::{Failed, Tested, data};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use sdr_rx::array::sparse::l1_admm::{self, AdmmPlan, AdmmSettings};
-use sdr_rx::array::sparse::lda_l11::{self, LdaL11, LdaSettings, Start, Step};
+use sdr_rx::array::sparse::lda_l11::{self, LdaL11, LdaSettings, Start, StepLength};
 use sdr_rx::array::sparse::{nmse, objective};
 use sdr_rx::array::{CMat, Engine, Penalty, SparseError, SparseOptions, paper_dictionary, solve};
 use sdr_rx_lab::Scene;
@@ -155,7 +155,7 @@ fn lda_l11_diverges_beyond_its_bound_and_stalls_with_the_printed_step() -> Teste
     // 4 / (183.597 + 25) / 0.3 = 0.0639
     within("stability bound", lda_l11::stability_bound(&a, 5.0)? / 0.3, 0.0639, 1e-3)?;
     for eta in [0.1, 0.3] {
-        let printed = LdaSettings { eta, step: Step::Decreasing, ..LdaSettings::default() };
+        let printed = LdaSettings { eta, step: StepLength::Decreasing, ..LdaSettings::default() };
         let error = nmse(&lda_l11::solve(&a, &y, &printed)?, &truth);
         ensure(error > 0.6, || format!("the printed step reaches {error}"))?;
     }

@@ -1,11 +1,11 @@
 //! The experiment on the paper's figures, on one network.
 
 use crate::common::Tested;
-use sdr_rx_lab::distributed_ls::{Effort, run};
+use sdr_rx_lab::distributed_ls::{DistributedLsEffort, run};
 
 #[test]
 fn figures_9_and_10_hold_and_the_printed_form_does_not() -> Tested {
-    let outcome = run(1, Effort { networks: 1, limit: 600, epochs: 12 }, &|_| ())?;
+    let outcome = run(1, DistributedLsEffort { networks: 1, limit: 600, epochs: 12 }, &|_| ())?;
     for claim in &outcome.claims {
         let expected = match claim.place {
             "Fig. 9" | "Fig. 10" => true,

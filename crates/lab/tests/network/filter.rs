@@ -4,12 +4,14 @@ use crate::common::Tested;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use sdr_rx::gnss::random::SplitMix64;
-use sdr_rx::network::admm::{LeastSquares, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, Weight};
 use sdr_rx::network::consensus::{Node, NodeOptions, Proximal};
 use sdr_rx::network::filter::{GainFilter, InformationFilter};
 use sdr_rx::network::info::{self, Average};
-use sdr_rx::network::scene::{Layout, SATELLITES, Scene};
-use sdr_rx::network::{Constraints, Datum, LinearModel, NetworkError, Normals, Solution, sim};
+use sdr_rx::network::scene::{NetworkLayout, SATELLITES, StationScene};
+use sdr_rx::network::{
+    Constraints, Datum, LinearModel, NetworkError, NetworkSolution, Normals, sim,
+};
 
 const STATIONS: usize = 110;
 const RHO: f64 = 0.5;
@@ -22,14 +24,14 @@ struct Epochs {
 
 /// Epochs of 30 s of the network of a seed, the first station's bias zero.
 fn epochs(seed: u64, count: usize) -> Result<Epochs, NetworkError> {
-    let scene = Scene::new(Layout::Hubs, seed)?;
+    let scene = StationScene::new(NetworkLayout::Hubs, seed)?;
     let mut noise = SplitMix64::new(seed);
     let models = (0..count).map(|epoch| scene.models(epoch, Datum::Observed, &mut noise)).collect();
     Ok(Epochs { constraints: Constraints::new(&scene.graph, &scene.hubs)?, models })
 }
 
 /// The centre's solution of all epochs up to each.
-fn centre(epochs: &Epochs, forgetting: f64) -> Result<Vec<Solution>, NetworkError> {
+fn centre(epochs: &Epochs, forgetting: f64) -> Result<Vec<NetworkSolution>, NetworkError> {
     let mut filter = InformationFilter::new(SATELLITES, forgetting)?;
     let solve = |models: &Vec<LinearModel>| {
         let mut sum = Normals::none(SATELLITES);
@@ -122,11 +124,11 @@ fn agreements(
     let links = |id| epochs.constraints.hubs_of(id).len();
     let node = |id| {
         let weight = Weight::Scalar(RHO);
-        let problem = LeastSquares::new(Normals::none(SATELLITES), &weight, links(id))?;
+        let problem = NodeLeastSquares::new(Normals::none(SATELLITES), &weight, links(id))?;
         Node::new(id, &epochs.constraints, problem, NodeOptions::default())
     };
     let nodes = (0..STATIONS).map(node).collect::<Result<_, _>>()?;
-    let renew = |filter: &InformationFilter, node: &mut Node<LeastSquares>| {
+    let renew = |filter: &InformationFilter, node: &mut Node<NodeLeastSquares>| {
         let links = links(node.id());
         filter.renew_least_squares(node, RHO, links)
     };

@@ -7,13 +7,13 @@ use sdr_rx::network::consensus::{NodeOptions, Rule};
 use sdr_rx::network::monitor::Verdict;
 use sdr_rx::network::plan::{Plan, plan};
 use sdr_rx::network::quality::{Levels, LocalTests, ModelTest};
-use sdr_rx::network::scene::{Layout, SATELLITES, Scene};
+use sdr_rx::network::scene::{NetworkLayout, SATELLITES, StationScene};
 use sdr_rx::network::sim::{self, Conditions, Simulation};
-use sdr_rx::network::solver::{Agreement, Solver};
+use sdr_rx::network::solver::{Agreement, NetworkSolver};
 use sdr_rx::network::station::Station;
-use sdr_rx::network::{Constraints, Datum, LinearModel, NetworkError, Normals, Solution};
+use sdr_rx::network::{Constraints, Datum, LinearModel, NetworkError, NetworkSolution, Normals};
 
-fn centre(models: &[LinearModel], datum: Datum) -> Result<Solution, NetworkError> {
+fn centre(models: &[LinearModel], datum: Datum) -> Result<NetworkSolution, NetworkError> {
     let mut sum = Normals::none(SATELLITES);
     models.iter().for_each(|model| sum.add(&model.normals()));
     sum.solve(datum)
@@ -33,7 +33,7 @@ struct Counts {
 fn two_thousand_draws_follow_the_distributions_of_the_tests() -> Tested {
     const DRAWS: u64 = 2000;
     let (levels, datum) = (Levels::default(), Datum::Observed);
-    let scene = Scene::new(Layout::Hubs, 1)?;
+    let scene = StationScene::new(NetworkLayout::Hubs, 1)?;
     let draw = |seed: u64| -> Result<Counts, NetworkError> {
         let mut rng = SplitMix64::new(1000 + seed);
         let mut models = scene.models(0, datum, &mut rng);
@@ -81,9 +81,9 @@ fn two_thousand_draws_follow_the_distributions_of_the_tests() -> Tested {
 }
 
 fn agreement(
-    scene: &Scene,
+    scene: &StationScene,
     datum: Datum,
-    solver: Solver,
+    solver: NetworkSolver,
 ) -> Result<(Agreement, Plan), NetworkError> {
     let graph = scene.graph.clone();
     let constraints = Constraints::new(&graph, &scene.hubs)?;
@@ -105,10 +105,10 @@ fn stations(
 #[test]
 fn forty_rounds_give_each_node_the_tests_of_the_centre() -> Tested {
     let datum = Datum::Observed;
-    let scene = Scene::new(Layout::Hubs, 1)?;
+    let scene = StationScene::new(NetworkLayout::Hubs, 1)?;
     let models = scene.models(0, datum, &mut SplitMix64::new(1));
     let exact = centre(&models, datum)?;
-    let (agreement, plan) = agreement(&scene, datum, Solver::Info)?;
+    let (agreement, plan) = agreement(&scene, datum, NetworkSolver::Info)?;
     let options = NodeOptions { relaxation: plan.relaxation, ..NodeOptions::default() };
     let mut nodes = stations(&agreement, &models, options)?;
     (0..40).for_each(|_| sim::iterate(&mut nodes));
@@ -164,8 +164,8 @@ fn run(
 }
 
 /// Two minimal detectable biases in an observation of a receiver, which sees two satellites or more than two.
-fn one_fault(datum: Datum, solver: Solver, links: Links, seed: u64, twins: bool) -> Tested {
-    let scene = Scene::new(Layout::Hubs, 1)?;
+fn one_fault(datum: Datum, solver: NetworkSolver, links: Links, seed: u64, twins: bool) -> Tested {
+    let scene = StationScene::new(NetworkLayout::Hubs, 1)?;
     let mut rng = SplitMix64::new(seed);
     let mut models = scene.models(0, datum, &mut rng);
     let good = centre(&models, datum)?;
@@ -220,13 +220,14 @@ fn one_fault(datum: Datum, solver: Solver, links: Links, seed: u64, twins: bool)
 #[test]
 fn a_faulty_receiver_is_named_by_every_node_and_taken_out() -> Tested {
     let in_step = (1..=6).flat_map(|seed| {
-        [Datum::Observed, Datum::ZeroMean].map(|datum| (datum, Solver::Info, Links::InStep, seed))
+        [Datum::Observed, Datum::ZeroMean]
+            .map(|datum| (datum, NetworkSolver::Info, Links::InStep, seed))
     });
     let others = [
-        (Datum::ZeroMean, Solver::Tree, Links::InStep, 11),
-        (Datum::Observed, Solver::Tree, Links::LosingOneInTen, 12),
-        (Datum::Observed, Solver::Info, Links::LosingOneInTen, 13),
-        (Datum::Observed, Solver::Info, Links::LosingOneInTen, 14),
+        (Datum::ZeroMean, NetworkSolver::Tree, Links::InStep, 11),
+        (Datum::Observed, NetworkSolver::Tree, Links::LosingOneInTen, 12),
+        (Datum::Observed, NetworkSolver::Info, Links::LosingOneInTen, 13),
+        (Datum::Observed, NetworkSolver::Info, Links::LosingOneInTen, 14),
     ];
     let cases: Vec<_> = in_step.chain(others).collect();
     cases.into_par_iter().try_for_each(|(datum, solver, links, seed)| {
@@ -238,8 +239,8 @@ fn a_faulty_receiver_is_named_by_every_node_and_taken_out() -> Tested {
 
 #[test]
 fn a_network_in_order_keeps_its_observations() -> Tested {
-    let (datum, scene) = (Datum::Observed, Scene::new(Layout::Bridges, 2)?);
-    let (agreement, plan) = agreement(&scene, datum, Solver::Info)?;
+    let (datum, scene) = (Datum::Observed, StationScene::new(NetworkLayout::Bridges, 2)?);
+    let (agreement, plan) = agreement(&scene, datum, NetworkSolver::Info)?;
     let options = NodeOptions { relaxation: plan.relaxation, ..NodeOptions::default() };
     let lost = |seed: u64| -> Result<bool, NetworkError> {
         let models = scene.models(0, datum, &mut SplitMix64::new(seed));

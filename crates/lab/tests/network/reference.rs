@@ -4,13 +4,13 @@ use crate::common::{Failed, Tested, data};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sdr_rx::gnss::random::SplitMix64;
-use sdr_rx::network::admm::{LeastSquares, PrintedForm, Weight};
+use sdr_rx::network::admm::{NodeLeastSquares, PrintedForm, Weight};
 use sdr_rx::network::consensus::{Node, NodeOptions, Proximal};
 use sdr_rx::network::info::{self, Average};
-use sdr_rx::network::scene::{Layout, Scene};
+use sdr_rx::network::scene::{NetworkLayout, StationScene};
 use sdr_rx::network::sim::{self, Conditions, Participant, Simulation};
 use sdr_rx::network::tree::TreeNode;
-use sdr_rx::network::{Constraints, Datum, Graph, Normals, Solution, consensus::Rule, plan};
+use sdr_rx::network::{Constraints, Datum, Graph, NetworkSolution, Normals, consensus::Rule, plan};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -53,7 +53,7 @@ impl Network {
         self.N.iter().zip(&self.r).map(one).collect()
     }
 
-    fn centre(&self) -> Result<Solution, Failed> {
+    fn centre(&self) -> Result<NetworkSolution, Failed> {
         let mut sum = Normals::none(self.xhat.len());
         self.normals().iter().for_each(|one| sum.add(one));
         Ok(sum.solve(Datum::Observed)?)
@@ -77,9 +77,9 @@ impl Network {
         constraints: &Constraints,
         rho: f64,
         options: NodeOptions,
-    ) -> Result<Vec<Node<LeastSquares>>, Failed> {
+    ) -> Result<Vec<Node<NodeLeastSquares>>, Failed> {
         self.nodes(constraints, options, |normals, c| {
-            Ok(LeastSquares::new(normals, &Weight::Scalar(rho), c)?)
+            Ok(NodeLeastSquares::new(normals, &Weight::Scalar(rho), c)?)
         })
     }
 
@@ -185,7 +185,7 @@ fn every_node_ends_within_a_nanometre_of_the_centre() -> Tested {
 }
 
 /// A node's solution from the mean normal equations.
-fn estimate(node: &Node<Average>, nodes: usize) -> Result<Solution, Failed> {
+fn estimate(node: &Node<Average>, nodes: usize) -> Result<NetworkSolution, Failed> {
     Ok(info::unpack(node.estimate(), 12)?.scaled(nodes as f64).solve(Datum::Observed)?)
 }
 
@@ -260,7 +260,7 @@ fn averaged_normal_equations_need_thirty_rounds() -> Tested {
 fn averages_settle_as_planned_in_thirty_networks() -> Tested {
     let network = |seed: u64| -> Result<([usize; 3], usize), String> {
         let rounds = || -> Result<_, Failed> {
-            let scene = Scene::new(Layout::Hubs, seed)?;
+            let scene = StationScene::new(NetworkLayout::Hubs, seed)?;
             let constraints = Constraints::new(&scene.graph, &scene.hubs)?;
             let models = scene.models(0, Datum::Observed, &mut SplitMix64::new(seed));
             let normals: Vec<Normals> = models.iter().map(|model| model.normals()).collect();

@@ -7,7 +7,7 @@ pub mod rinex;
 pub use error::NetworkFileError;
 pub use model::{ModelFile, ObservationEntry};
 
-use crate::solver::{Agreement, Solver};
+use crate::solver::{Agreement, NetworkSolver};
 use crate::{Constraints, Datum, Graph, LinearModel, constraints, plan};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub struct NetworkFile {
     pub parameters: Vec<String>,
     /// How the nodes arrive at the solution.
     #[serde(default)]
-    pub solver: Solver,
+    pub solver: NetworkSolver,
     /// What fixes the parameters: "observed", or "zero-mean" where every receiver has a bias of its own.
     #[serde(default)]
     pub datum: DatumName,
@@ -128,7 +128,7 @@ impl NetworkSetup {
             .transpose()?;
         let rho = match (file.rho, file.solver, planned) {
             (Some(rho), ..) => rho,
-            (None, Solver::Admm, _) => {
+            (None, NetworkSolver::Admm, _) => {
                 return Err(wrong(
                     "solver = \"admm\" needs rho: half the mean diagonal element of the nodes' normal \
                      matrices is a good value"
@@ -139,7 +139,7 @@ impl NetworkSetup {
         };
         let relaxation = match (file.relaxation, file.solver, planned) {
             (Some(relaxation), ..) => relaxation,
-            (None, Solver::Info, Some(plan)) => plan.relaxation,
+            (None, NetworkSolver::Info, Some(plan)) => plan.relaxation,
             (None, ..) => 1.6,
         };
         let (solver, datum, parameters) = (file.solver, file.datum.into(), file.parameters.len());
@@ -154,11 +154,11 @@ impl NetworkSetup {
     pub fn default_rounds(&self, asynchronous: bool) -> u64 {
         let nodes = self.agreement.graph.nodes() as u64;
         let in_step = match self.agreement.solver {
-            Solver::Info => {
+            NetworkSolver::Info => {
                 self.radius.map_or(200, |radius| (1e-9f64.ln() / radius.ln()) as u64 + 1)
             }
-            Solver::Admm => 2000,
-            Solver::Tree => nodes,
+            NetworkSolver::Admm => 2000,
+            NetworkSolver::Tree => nodes,
         };
         // Two exchanges a round, each of a few ticks.
         if asynchronous { 12 * in_step } else { in_step }
@@ -233,7 +233,7 @@ mod tests {
     fn what_a_file_leaves_open_is_planned_from_the_graph() {
         let setup = setup(THREE).unwrap();
         assert_eq!(setup.agreement.constraints.hubs(), [1]);
-        assert_eq!(setup.agreement.solver, Solver::Info);
+        assert_eq!(setup.agreement.solver, NetworkSolver::Info);
         assert!(setup.agreement.rho > 0.0 && setup.relaxation > 0.0);
     }
 

@@ -5,7 +5,7 @@ use sdr_rx_network::file::{ModelFile, NetworkFile, NetworkSetup, NodeEntry, Obse
 use sdr_rx_network::message::Suspect;
 use sdr_rx_network::sim::Participant;
 use sdr_rx_network::station::Station;
-use sdr_rx_network::{NINE_NODES, Normals, Solution};
+use sdr_rx_network::{NINE_NODES, NetworkSolution, Normals};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::net::TcpListener;
@@ -53,7 +53,7 @@ pub struct Network {
     _turn: MutexGuard<'static, ()>,
     folder: TempDir,
     pub setup: NetworkSetup,
-    pub centre: Solution,
+    pub centre: NetworkSolution,
     processes: Vec<Option<Child>>,
 }
 
@@ -202,7 +202,7 @@ impl Network {
     }
 
     /// What each node's solution is after so many rounds in step, computed in this process.
-    pub fn in_process(&self, rounds: u64) -> Vec<Solution> {
+    pub fn in_process(&self, rounds: u64) -> Vec<NetworkSolution> {
         let agreement = &self.setup.agreement;
         let options = NodeOptions {
             relaxation: self.setup.relaxation,

@@ -1,8 +1,8 @@
 //! What a network of processes arrives at, whatever happens to them.
 
 use crate::harness::{CENTRAL_HUB, NODES, Network, STATION};
-use sdr_rx_network::message::{Body, Message, News};
-use sdr_rx_network::wire::{Header, encode};
+use sdr_rx_network::message::{Body, News, NodeMessage};
+use sdr_rx_network::wire::{PacketHeader, encode};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 
@@ -43,8 +43,8 @@ fn in_step_and_besieged_by_strangers_they_arrive_at_what_one_process_computes_bi
 
     let names = &network.setup.file.parameters;
     let numbers = sdr_rx_network::info::length(names.len());
-    let header = |network, epoch| Header::new(network, names, epoch, NODES, numbers);
-    let message = |sender| Message {
+    let header = |network, epoch| PacketHeader::new(network, names, epoch, NODES, numbers);
+    let message = |sender| NodeMessage {
         sender,
         sequence: u64::MAX,
         body: Body::State { t: vec![1e6; numbers] },

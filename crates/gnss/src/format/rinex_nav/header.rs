@@ -11,7 +11,7 @@ use crate::{GpsTime, Sv};
 type LeapSeconds = (i32, Option<(i32, i32, u8)>);
 
 /// What the header says.
-pub struct Header {
+pub(super) struct Header {
     pub version: f64,
     /// File type: N (GPS, or any by version 3), or the system of version 2.
     pub system: char,

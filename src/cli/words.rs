@@ -1,0 +1,106 @@
+//! What the library says in types, with the options that a person would give.
+
+use sdr_rx::advice::{Advice, Reading};
+use sdr_rx::capture::{CaptureError, Note};
+use sdr_rx::position::PositioningError;
+use sdr_rx::receiver::{NoFix, Notice};
+use sdr_rx::report::ReportError;
+
+/// What to do about an error.
+pub fn advice(error: &anyhow::Error) -> Option<&'static str> {
+    error.chain().find_map(|cause| {
+        let of_capture = || cause.downcast_ref().and_then(of_capture);
+        let of_report = || cause.downcast_ref().and_then(of_report);
+        of_capture().or_else(of_report)
+    })
+}
+
+fn of_capture(error: &CaptureError) -> Option<&'static str> {
+    use CaptureError::*;
+    Some(match error {
+        UnknownFormat(_) | FormatNeeded(_) => "give --format TYPE",
+        RateNeeded(_) => "give --rate HZ, such as --rate 4M",
+        IfNeeded { .. } => "give --if HZ, such as --if 3M",
+        BadRate(_) => "correct --rate",
+        BadIf(_) => "correct --if",
+        BadChannels(_) => "correct --channels",
+        ChannelMismatch { .. } => "leave --channels out, or name other files",
+        PlanarStream(_) => "give --layout interleaved",
+        PlanarLength { .. } => "check --channels, --format and --layout",
+        BadStart(_) | StartBeyondEnd { .. } => "correct --start",
+        BadDuration(_) => "correct --duration",
+        MissingMetadata { .. } => "give --format and --rate",
+        StreamsDiffer { .. } => "choose one by --stream",
+        _ => return None,
+    })
+}
+
+fn of_report(error: &ReportError) -> Option<&'static str> {
+    matches!(error, ReportError::Folder { .. }).then_some("give --out another folder")
+}
+
+/// A notice as a person reads it.
+pub fn notice(notice: &Notice) -> String {
+    match notice {
+        Notice::Source(of) => note(of),
+        Notice::Mirrored => {
+            format!("{notice}; read it with --conjugate (or without, if it was given)")
+        }
+        _ => notice.to_string(),
+    }
+}
+
+/// Why there is no fix, and what would help.
+pub fn reason(reason: &NoFix) -> String {
+    match reason {
+        NoFix::NoOrbits { .. } => format!(
+            "{reason}: give --nav FILE, and --time T if it is known to some hours or better, for a snapshot fix"
+        ),
+        NoFix::NotDated { .. } => format!("{reason}, or --nav FILE with 6 s"),
+        NoFix::Solution(PositioningError::Unexplained { .. }) => {
+            format!("{reason}; a greater --time-uncertainty, such as 5h, searches further")
+        }
+        NoFix::Solution(PositioningError::TimeNotFound { .. }) => format!(
+            "{reason}; --time narrows the search, --troposphere none suits signals simulated without one"
+        ),
+        _ => reason.to_string(),
+    }
+}
+
+/// What a source says of its samples.
+pub fn note(note: &Note) -> String {
+    let advice = match note {
+        Note::Aliased { .. } => "; check --if and --rate",
+        Note::Shorter { .. } => " (--duration)",
+        Note::NoSample => " (--start)",
+        Note::NoFrequency(_) => "; give --if otherwise",
+        Note::TwoTimes { .. } => "; give --time if it matters",
+        _ => "",
+    };
+    format!("{note}{advice}")
+}
+
+/// What to try when next to no satellite was found.
+pub fn advised(advice: &Advice) -> String {
+    match advice {
+        Advice::Read { reading, satellites } => {
+            format!("{satellites} satellites are there with {}: try it", options(reading))
+        }
+        Advice::NothingFound => "next to no satellite was found, in any usual sample type, rate or \
+            intermediate frequency: was the antenna connected and under the sky, and the receiver tuned \
+            to 1575.42 MHz? `sdr-rx info` shows level and spectrum"
+            .to_owned(),
+        Advice::Level(doubt) => doubt.clone(),
+    }
+}
+
+/// The options that read a capture so.
+fn options(reading: &Reading) -> String {
+    let parts = [
+        reading.format.map(|f| format!("--format {f}")),
+        reading.rate_hz.map(|r| format!("--rate {r}")),
+        reading.if_hz.map(|f| format!("--if {f}")),
+        reading.doppler_hz.map(|d| format!("--doppler-max {d}")),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,32 @@
+//! Why a report cannot be made.
+
+use std::path::PathBuf;
+
+/// Why a report cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The folder cannot be made.
+    #[error("making the output folder {path}: {source}; it must be where files may be written")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file cannot be written.
+    #[error("writing {path}: {source}; nothing was left under that name")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A plot cannot be drawn.
+    #[error("drawing the {plot}: {problem}")]
+    Plot {
+        /// Which plot.
+        plot: &'static str,
+        /// What the drawing library says.
+        problem: String,
+    },
+}
