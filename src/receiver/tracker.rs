@@ -12,7 +12,8 @@ use crate::array::{ArraySky, Beam, Signature, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
-use crate::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
+use crate::gnss::message::lnav::FrameDecoder;
+use crate::gnss::message::{MessageDecoder, NavigationCollector, Update};
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::position::solve_epoch;
@@ -144,11 +145,13 @@ impl Track {
         let mut news = false;
         for bit in self.bits.drain(..) {
             let edge = bit.first_period % 20;
-            let Some(subframe) = self.decoder.push(bit.value, bit.first_period / 20) else {
+            let Some(page) = self.decoder.push(bit.value, bit.first_period / 20) else {
                 continue;
             };
-            self.log.anchor(subframe.start_index * 20 + edge, subframe.tow());
-            let update = collector.add(self.log.sv, &subframe);
+            if let Some(tow_s) = page.tow_s {
+                self.log.anchor(page.start_index * 20 + edge, tow_s);
+            }
+            let update = collector.add(self.log.sv, &page.content);
             news |= matches!(update, Some(Update::Ephemeris(_)));
         }
         news

@@ -8,14 +8,12 @@
 //!
 //! Weeks are sent modulo 1024 (or 256); [`resolve_week`] picks the full week nearest a reference.
 
-mod collector;
 mod fields;
 mod frame;
 mod pages;
 pub mod parity;
 mod subframes;
 
-pub use collector::{NavigationCollector, Update};
 pub use fields::DataWords;
 pub use frame::{FrameDecoder, Subframe};
 pub use pages::{Almanac, Health1To24, Health25To32, IonosphereUtc, page_sv_id};
