@@ -11,13 +11,11 @@ use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, Beam, Signature, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
-use crate::gnss::message::lnav::FrameDecoder;
 use crate::gnss::message::{MessageDecoder, NavigationCollector, Update};
 use crate::gnss::observation::ObservationEpoch;
-use crate::gnss::{GpsTime, NavigationData, Sv};
+use crate::gnss::{GpsTime, NavigationData, Sv, Transmission};
 use crate::position::solve_epoch;
-use crate::tracking::{Bit, Channel, Epoch, LockState, TrackStart, TrackingOptions};
+use crate::tracking::{Channel, Epoch, LockState, Symbol, TrackStart, TrackingOptions};
 use crate::tracking::{TrackLog, observation_epochs};
 use num_complex::Complex32;
 use rayon::prelude::*;
@@ -67,10 +65,11 @@ struct Track {
     /// With an array; else the samples of the one channel are those of all.
     feed: Option<BeamFeed>,
     channel: Channel,
-    decoder: FrameDecoder,
+    /// None of a pilot.
+    decoder: Option<Box<dyn MessageDecoder>>,
     log: TrackLog,
     epochs: Vec<Epoch>,
-    bits: Vec<Bit>,
+    symbols: Vec<Symbol>,
 }
 
 impl Track {
@@ -83,13 +82,14 @@ impl Track {
         options: &TrackingOptions,
     ) -> Self {
         let start = TrackStart::from_refined(&found.refined, start);
+        let transmission = start.acquisition.transmission;
         Self {
             feed: found.spatial.as_ref().map(|(_, beam)| BeamFeed::new(beam.clone(), held)),
             channel: Channel::new(&start, rate_hz, options.clone()),
-            decoder: FrameDecoder::new(),
-            log: TrackLog::new(start.acquisition.sv),
+            decoder: transmission.decoder(),
+            log: TrackLog::new(transmission),
             epochs: Vec::new(),
-            bits: Vec::new(),
+            symbols: Vec::new(),
         }
     }
 
@@ -113,7 +113,7 @@ impl Track {
             }
             None => buffer,
         };
-        self.channel.process(buffer, &mut self.epochs, &mut self.bits);
+        self.channel.process(buffer, &mut self.epochs, &mut self.symbols);
         self.log.extend(&self.epochs, &self.channel.quality(), spacing);
     }
 
@@ -124,34 +124,40 @@ impl Track {
         buffers: &[SampleBuffer],
         beams: &BeamFormer,
         rate_hz: f64,
-    ) -> Option<(Sv, Signature)> {
+    ) -> Option<(Transmission, Signature)> {
         let is_locked = self.channel.lock() == LockState::Locked;
         let feed = self.feed.as_mut().filter(|_| is_locked)?;
         let (first, middle) = (self.epochs.first()?, self.epochs.get(self.epochs.len() / 2)?);
         let start = (first.start_sample as u64).max(buffers[0].first_sample());
-        let code_rate = CA_CHIP_RATE * (1.0 + middle.doppler_hz / L1_HZ);
+        let transmission = self.log.transmission;
+        let code_rate = transmission.clock(middle.doppler_hz).chip_rate_hz;
         let chips = (start as f64 - first.start_sample) / rate_hz * code_rate;
-        let at = (middle.doppler_hz, chips.rem_euclid(CA_CODE_LENGTH as f64));
+        let at = (middle.doppler_hz, chips.rem_euclid(transmission.signal.chips as f64));
         let span = (start, buffers[0].end());
         let prompts = despread(buffers, rate_hz, span, at, self.channel.code_table());
         let signature = Signature::estimate(&prompts).filter(|s| s.variance < CLEAR_SIGNATURE)?;
         feed.beam = beams.beam(&signature);
-        Some((self.log.sv, signature))
+        Some((transmission, signature))
     }
 
-    /// Hands the new bits to the decoder, and what it gives to the collector. Says whether an ephemeris
+    /// Hands the new symbols to the decoder, and what it gives to the collector. Says whether an ephemeris
     /// came.
     fn decode(&mut self, collector: &mut NavigationCollector) -> bool {
         let mut news = false;
-        for bit in self.bits.drain(..) {
-            let edge = bit.first_period % 20;
-            let Some(page) = self.decoder.push(bit.value, bit.first_period / 20) else {
+        let (Some(decoder), cycle) =
+            (&mut self.decoder, self.log.transmission.timing().cycle as u64)
+        else {
+            return news;
+        };
+        for symbol in self.symbols.drain(..) {
+            let edge = symbol.first_period % cycle;
+            let Some(page) = decoder.push(symbol.value, symbol.first_period / cycle) else {
                 continue;
             };
             if let Some(tow_s) = page.tow_s {
-                self.log.anchor(page.start_index * 20 + edge, tow_s);
+                self.log.anchor(page.start_index * cycle + edge, tow_s);
             }
-            let update = collector.add(self.log.sv, &page.content);
+            let update = collector.add(self.log.transmission.sv, &page.content);
             news |= matches!(update, Some(Update::Ephemeris(_)));
         }
         news
@@ -176,7 +182,7 @@ struct Tracker<'a> {
     warnings: Vec<String>,
     spacing: u64,
     tracks: Vec<Track>,
-    lost: BTreeMap<Sv, Lost>,
+    lost: BTreeMap<Transmission, Lost>,
     /// Logs of tracks that ended.
     ended: Vec<TrackLog>,
     collector: NavigationCollector,
@@ -268,7 +274,7 @@ impl Tracker<'_> {
     fn decode(&mut self, now_s: f64) {
         for track in &mut self.tracks {
             track.decode(&mut self.collector);
-            let sv = track.log.sv;
+            let sv = track.log.transmission.sv;
             let known = self.collector.data().satellites().any(|s| s == sv)
                 || self.options.navigation.satellites().any(|s| s == sv);
             if known && track.log.is_dated() {
@@ -284,7 +290,7 @@ impl Tracker<'_> {
         self.tracks = kept;
         for track in lost {
             let doppler_hz = track.channel.doppler_hz();
-            self.lost.insert(track.log.sv, Lost { log: track.log, doppler_hz });
+            self.lost.insert(track.log.transmission, Lost { log: track.log, doppler_hz });
         }
     }
 
@@ -320,9 +326,9 @@ impl Tracker<'_> {
     ) -> Result<(), AcquisitionError> {
         let (start, end) = (chunk.first_sample(), buffers[0].end());
         let mut cells = Vec::new();
-        for (&sv, lost) in &self.lost {
+        for (&transmission, lost) in &self.lost {
             let asked = SearchOptions {
-                satellites: vec![sv],
+                satellites: vec![transmission],
                 doppler_hz: (lost.doppler_hz - RETRY_HZ, lost.doppler_hz + RETRY_HZ),
                 max_windows: deep_windows(self.searched),
                 ..self.options.search.clone()
@@ -330,10 +336,11 @@ impl Tracker<'_> {
             cells.extend(self.search_chunk(chunk, &asked)?);
         }
         if all {
-            let tracked =
-                |sv: &Sv| self.tracks.iter().any(|t| t.log.sv == *sv) || self.lost.contains_key(sv);
+            let tracked = |k: &Transmission| {
+                self.tracks.iter().any(|t| t.log.transmission == *k) || self.lost.contains_key(k)
+            };
             let mut asked = self.options.search.clone();
-            asked.satellites.retain(|sv| !tracked(sv));
+            asked.satellites.retain(|k| !tracked(k));
             if !asked.satellites.is_empty() {
                 cells.extend(self.search_chunk(chunk, &asked)?);
             }
@@ -343,7 +350,7 @@ impl Tracker<'_> {
         for found in region.refine_all(&cells, &self.options.search) {
             let mut track = Track::new(&found, start, chunk, self.rate_hz, &self.options.tracking);
             track.advance(&buffers[0], self.spacing);
-            if let Some(lost) = self.lost.remove(&track.log.sv) {
+            if let Some(lost) = self.lost.remove(&track.log.transmission) {
                 if let Some(jump) = track.log.continue_from(&lost.log, self.rate_hz) {
                     self.jumps.push((start, jump));
                 }

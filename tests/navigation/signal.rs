@@ -6,8 +6,8 @@ use libtest_mimic::{Failed, Trial};
 use sdr_rx::gnss::Ephemeris;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::message::lnav::FrameDecoder;
-use sdr_rx::gnss::message::{MessageDecoder, NavigationCollector, Update};
 use sdr_rx::gnss::message::lnav::{Header, Message, Subframe1, encode_subframe};
+use sdr_rx::gnss::message::{MessageDecoder, NavigationCollector, Update};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {

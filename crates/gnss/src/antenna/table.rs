@@ -2,7 +2,7 @@
 
 use super::{AntennaArray, ArrayDescription, Attitude};
 use crate::checked;
-use crate::constants::L1_WAVELENGTH;
+use crate::signal::L1_WAVELENGTH;
 use nalgebra::Vector3;
 use num_complex::Complex64;
 use rand::SeedableRng;
