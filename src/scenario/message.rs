@@ -1,11 +1,11 @@
-//! The navigation message of one satellite as a stream of bits.
+//! The navigation message (LNAV) of one satellite of GPS or QZSS as a stream of bits.
 
 use crate::gnss::message::lnav::{
-    Almanac, Header, Health1To24, Health25To32, IonosphereUtc, LnavError, Message, SUBFRAME_BITS,
-    Subframe1, encode_subframe, page_sv_id,
+    Almanac, DATA_ID_GPS, DATA_ID_REPEATED, Header, Health1To24, Health25To32, IonosphereUtc,
+    LnavError, Message, SUBFRAME_BITS, Subframe1, encode_with_data_id, page_sv_id,
 };
 use crate::gnss::time::SECONDS_PER_WEEK;
-use crate::gnss::{Ephemeris, GpsTime, signal};
+use crate::gnss::{Constellation, Ephemeris, GpsTime, signal};
 use std::sync::Arc;
 
 /// Pages in the cycle of subframes 4 and 5, which starts with the week.
@@ -95,7 +95,11 @@ impl MessageStream {
             3 => Message::Orientation((&self.ephemeris).into()),
             _ => self.constellation.page(id, page),
         };
-        encode_subframe(&Header::new(id, in_week as f64 * 6.0), &message)
+        let data_id = match self.ephemeris.sv.constellation() {
+            Constellation::Qzss => DATA_ID_REPEATED,
+            _ => DATA_ID_GPS,
+        };
+        encode_with_data_id(&Header::new(id, in_week as f64 * 6.0), &message, data_id)
     }
 
     /// Sign (+1 for bit 0, -1 for bit 1) of the code period that starts `period` periods after the GPS epoch by the
