@@ -8,7 +8,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use num_complex::{Complex32, Complex64};
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource};
-use sdr_rx::gnss::prn_code::ca_code;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use sdr_rx_linalg::{forward_transform, inverse_transform};
 use std::f64::consts::TAU;
@@ -32,7 +31,7 @@ fn samples() -> Block {
 
 /// The plain way for one satellite: for each Doppler and each millisecond the carrier is removed, and the
 /// correlation done by one transform, one product and one transform back; periods are summed coherently.
-fn plain_search(samples: &[Complex32], code: &[i8; 1023]) -> (f32, f64, usize) {
+fn plain_search(samples: &[Complex32], code: &[i8]) -> (f32, f64, usize) {
     let (forward, inverse) = (forward_transform(PERIOD), inverse_transform(PERIOD));
     let mut replica: Vec<Complex32> =
         (0..PERIOD).map(|n| Complex32::from(f32::from(code[n * 1023 / PERIOD]))).collect();
@@ -79,7 +78,7 @@ fn cold_search(c: &mut Criterion) {
         let plan = SearchPlan::new(RATE_HZ, options).expect("a search that is possible");
         let found = one_thread.install(|| plan.search(samples)).expect("20 ms are enough");
         // The plain way must agree on the strongest satellite before the two are compared.
-        let (_, doppler_hz, at) = plain_search(samples, &ca_code(found[0].sv));
+        let (_, doppler_hz, at) = plain_search(samples, &found[0].transmission.code());
         let chips = (1023.0 - at as f64 * 1023.0 / PERIOD as f64) - found[0].code_phase_chips;
         assert!((doppler_hz - found[0].doppler_hz).abs() <= STEP_HZ && chips.abs() < 1.0);
         group.throughput(Throughput::Elements((32.0 * dopplers * PERIOD as f64) as u64));
@@ -87,7 +86,7 @@ fn cold_search(c: &mut Criterion) {
             b.iter(|| one_thread.install(|| plan.search(samples)));
         });
     }
-    let code = ca_code(SearchOptions::default().satellites[0]);
+    let code = SearchOptions::default().satellites[0].code();
     group.throughput(Throughput::Elements((dopplers * PERIOD as f64) as u64));
     group.bench_function("plain, 1 satellite, 1 window", |b| {
         b.iter(|| plain_search(samples, &code));

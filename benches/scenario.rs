@@ -3,7 +3,7 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use num_complex::Complex64;
 use sdr_rx::capture::{Block, SampleSource};
-use sdr_rx::gnss::{Sv, prn_code::ca_code};
+use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::scenario::kernel::{chip_table, mix_add, spread};
 use sdr_rx::scenario::noise::{GaussianMixture, NoiseSource};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
@@ -14,7 +14,7 @@ const LEN: usize = 2048;
 fn kernels(c: &mut Criterion) {
     let mut group = c.benchmark_group("scenario kernels, 2048 samples");
     group.throughput(Throughput::Elements(LEN as u64));
-    let code = Sv::from_prn(7).map(ca_code).unwrap_or([1; 1023]);
+    let code = signal::of(Sv::all_gps().nth(6).expect("G07")).code();
     let table = chip_table(&code);
     let mut chips = vec![0.0; LEN];
     group.bench_function("spread", |b| {

@@ -7,6 +7,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::correlator::{CodeTable, SampleBuffer, correlate, correlate_scalar};
+use sdr_rx::gnss::signal;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use sdr_rx::tracking::{Channel, LockState, TrackStart, TrackingOptions};
 use std::hint::black_box;
@@ -23,7 +24,7 @@ fn one_second(rate_hz: f64) -> (SampleBuffer, Acquisition) {
     let mut buffer = SampleBuffer::default();
     buffer.push(block.channel(0));
     let start = Acquisition {
-        sv: truth.sv,
+        transmission: signal::of(truth.sv),
         doppler_hz: truth.doppler_hz,
         code_phase_chips: truth.code_phase_chips,
         cn0_dbhz: truth.cn0_dbhz,
@@ -36,7 +37,7 @@ fn one_second(rate_hz: f64) -> (SampleBuffer, Acquisition) {
 fn kernel(c: &mut Criterion) {
     for rate_hz in [2.6e6, 12e6] {
         let (buffer, start) = one_second(rate_hz);
-        let table = CodeTable::new(start.sv, rate_hz);
+        let table = CodeTable::new(start.transmission, rate_hz);
         let taps = table.taps(17.3, 17.3 + rate_hz * 1e-3, 0.25);
         let window = buffer.window(taps.first_sample, taps.first_sample + taps.len as u64);
         let (i, q) = window.expect("a millisecond of the second");
@@ -63,7 +64,7 @@ fn channel(c: &mut Criterion) {
             acquisition,
             doppler_rate_hz_s: 0.0,
             carrier_phase: 0.0,
-            bit_edge: None,
+            symbol_edge: None,
         };
         group.throughput(Throughput::Elements(rate_hz as u64));
         group.bench_function(format!("{} MHz", rate_hz / 1e6), |b| {

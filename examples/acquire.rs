@@ -18,12 +18,12 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     println!("sat   Doppler, Hz     code, chips    C/N0, dB-Hz   (found / true)");
     let truth = source.truth_at(0);
     for found in plan.search(block.channel(0))? {
-        let Some(sv) = truth.satellites.iter().find(|s| s.sv == found.sv) else {
-            return Err(format!("{} is a false alarm", found.sv).into());
+        let Some(sv) = truth.satellites.iter().find(|s| s.sv == found.sv()) else {
+            return Err(format!("{} is a false alarm", found.sv()).into());
         };
         println!(
             "{}  {:6.0} / {:6.0}  {:6.1} / {:6.1}  {:5.1} / {:4.1}",
-            found.sv,
+            found.sv(),
             found.doppler_hz,
             sv.doppler_hz,
             found.code_phase_chips,

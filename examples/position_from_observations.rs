@@ -2,8 +2,9 @@
 //! full model: `cargo run --release --example position_from_observations`
 
 use nalgebra::Vector3;
-use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx::gnss::signal::{self, L1_WAVELENGTH};
 use sdr_rx::position::solver::aw_dgn_bt::aw_dgn_bt;
 use sdr_rx::position::solver::model::{Pseudorange, Satellite};
 use sdr_rx::position::{PositioningOptions, solve_epoch};
@@ -35,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
     let observation = |s: &SatelliteTruth| Observation {
-        sv: s.sv,
+        transmission: signal::of(s.sv),
         range: CodeRange::Pseudorange(s.pseudorange_m),
         range_sigma_m: 1.0,
         doppler_hz: s.doppler_hz,

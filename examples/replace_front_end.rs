@@ -4,6 +4,7 @@
 use num_complex::Complex32;
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource};
+use sdr_rx::gnss::signal;
 use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
 
 /// Gives the signs of I and Q against a threshold that grows with the channel.
@@ -22,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     scenario.front_end.bits = None;
     let ideal = ScenarioSource::new(&scenario)?;
     let own = ScenarioSource::with_front_end(&scenario, Box::new(Comparator))?;
-    let satellites = ideal.satellites().collect();
+    let satellites = ideal.satellites().map(signal::of).collect();
     let options = SearchOptions { satellites, max_windows: 8, ..SearchOptions::default() };
     let plan = SearchPlan::new(ideal.info().rate_hz, options)?;
     for (name, mut source) in [("no quantiser", ideal), ("comparator", own)] {

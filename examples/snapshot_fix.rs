@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let refiner = Refiner::new(&buffer, rate_hz, 0, samples);
     let refined: Vec<_> = found
         .iter()
-        .filter_map(|a| refiner.refine(a, &CodeTable::new(a.sv, rate_hz), 100.0))
+        .filter_map(|a| refiner.refine(a, &CodeTable::new(a.transmission, rate_hz), 100.0))
         .collect();
 
     let epoch = snapshot_epoch(&refined, scenario.start + WRONG_BY_S, samples, rate_hz);

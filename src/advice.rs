@@ -1,10 +1,10 @@
 //! A newcomer's mistakes: when next to nothing is acquired, the capture is read in other ways, and where
 //! one of them shows a sky full of satellites, it is named.
 
+use crate::acquisition::search::searched_signal;
 use crate::acquisition::{SearchOptions, SearchPlan, remove_shadows};
 use crate::capture::{Block, OpenOptions, SampleSource, StreamInfo};
 use crate::front_end::{Conditioner, ImpulseSuppressor, LevelMeter, Suppression};
-use crate::gnss::constants::CA_CHIP_RATE;
 
 /// Fewer satellites than this call for advice.
 pub const FEW: usize = 4;
@@ -152,7 +152,8 @@ impl Sky {
 /// The satellites in the first samples of a source.
 fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Option<Sky> {
     let info = source.info().clone();
-    if info.rate_hz < 2.0 * CA_CHIP_RATE * 0.97 {
+    let signal = searched_signal(&search.satellites, info.rate_hz).ok()?;
+    if info.rate_hz < 2.0 * signal.chip_rate_hz * 0.97 {
         return None;
     }
     let decimation = ((info.rate_hz / ENOUGH_HZ) as usize).max(1);

@@ -75,7 +75,7 @@
 //! let refiner = Refiner::new(&buffer, rate_hz, 0, samples);
 //! let refined: Vec<_> = found
 //!     .iter()
-//!     .filter_map(|a| refiner.refine(a, &CodeTable::new(a.sv, rate_hz), 100.0))
+//!     .filter_map(|a| refiner.refine(a, &CodeTable::new(a.transmission, rate_hz), 100.0))
 //!     .collect();
 //!
 //! let epoch = snapshot_epoch(&refined, scenario.start + 30.0, samples, rate_hz);

@@ -5,7 +5,7 @@ use sdr_rx::acquisition::{SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource, StreamInfo};
 use sdr_rx::front_end::mixture::Mixture;
 use sdr_rx::front_end::{ImpulseSuppressor, Map, Suppression};
-use sdr_rx::gnss::prn_code::ca_code;
+use sdr_rx::gnss::signal;
 use sdr_rx::scenario::noise::{GaussianMixture, NoiseSource};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 
@@ -60,7 +60,7 @@ fn snr_db(samples: &[Complex32], code: &[f32]) -> f64 {
 #[test]
 fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
     let sv = "G07".parse().expect("a satellite");
-    let chips = ca_code(sv);
+    let chips = signal::of(sv).code();
     let code: Vec<f32> = (0..PERIOD).map(|n| f32::from(chips[n / 2])).collect();
     // 45 dB-Hz: 15 dB in a millisecond.
     let amplitude = (10f64.powf(4.5) / RATE_HZ).sqrt() as f32;
@@ -112,7 +112,7 @@ fn cold_search(
     let options = SearchOptions { coherent_ms: 1, max_windows: 10, ..SearchOptions::default() };
     let found = SearchPlan::new(info.rate_hz, options)?.search(block.channel(0))?;
     let there: Vec<_> = source.satellites().collect();
-    let right = found.iter().filter(|a| there.contains(&a.sv)).count();
+    let right = found.iter().filter(|a| there.contains(&a.sv())).count();
     Ok((right, found.len() - right))
 }
 

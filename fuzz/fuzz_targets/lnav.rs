@@ -3,8 +3,9 @@
 
 use libfuzzer_sys::fuzz_target;
 use sdr_rx::gnss::Sv;
+use sdr_rx::gnss::message::lnav::{FrameDecoder, Subframe};
 use sdr_rx::gnss::message::lnav::{Header, decode_subframe, encode_subframe};
-use sdr_rx::gnss::message::lnav::{FrameDecoder, NavigationCollector, Subframe};
+use sdr_rx::gnss::message::{Content, MessageDecoder, NavigationCollector};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut decoder = FrameDecoder::new();
@@ -20,7 +21,7 @@ fuzz_target!(|bytes: &[u8]| {
         });
         let (header, message) = decode_subframe(&words);
         let subframe = Subframe { start_index: 0, inverted: false, header, words };
-        collector.add(sv, &subframe);
+        collector.add(sv, &Content::Lnav(subframe.clone()));
         // What was decoded fits its fields again; only a TOW count or number may be out of range.
         let header = Header { tow_count: 0, id: 1, ..subframe.header };
         encode_subframe(&header, &message).expect("decoded values fit");

@@ -1,7 +1,6 @@
 //! What a set of acquired satellites says of the recording itself: a mirrored spectrum, missing samples.
 
 use super::{Acquisition, Refined, SearchOptions, SearchPlan};
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_PERIOD, CYCLES_PER_CHIP, L1_HZ};
 use num_complex::Complex32;
 
 /// Log-likelihood by which a mirrored spectrum must explain the code rates better: odds of 20 000.
@@ -13,19 +12,21 @@ const WITNESSES: usize = 6;
 /// Length of one look for missing samples, coherent ms and number.
 const LOOK_MS: (usize, usize) = (1, 3);
 
-/// Jumps smaller than this are noise, s (half a chip).
-const LEAST_JUMP_S: f64 = 0.5 / CA_CHIP_RATE;
+/// Jumps smaller than this are noise, chips.
+const LEAST_JUMP_CHIPS: f64 = 0.5;
 
 /// Whether code drifts and Dopplers disagree in sign, as they do when the spectrum is mirrored.
 ///
-/// A code runs by D/1540 faster than nominal; mirrored, the measured Doppler is -D and the code rate's
-/// excess over its prediction is -2 D/1540. Both hypotheses allow a common excess (a wrong sampling
+/// A code runs faster than nominal by D over the carrier cycles in a chip, n (1540 on L1); mirrored, the measured
+/// Doppler is -D and the code rate's excess over its prediction is -2 D/n. Both hypotheses allow a common excess (a wrong sampling
 /// rate), which is eliminated.
 pub fn is_mirrored(refined: &[Refined]) -> bool {
     let cost = |slope: f64| {
         let weight = |r: &Refined| r.code_rate_sigma.powi(-2);
-        let excess =
-            |r: &Refined| r.code_rate_excess - slope * r.acquisition.doppler_hz / CYCLES_PER_CHIP;
+        let excess = |r: &Refined| {
+            let Acquisition { transmission, doppler_hz, .. } = r.acquisition;
+            r.code_rate_excess - slope * doppler_hz / transmission.cycles_per_chip()
+        };
         let total: f64 = refined.iter().map(weight).sum();
         let mean = refined.iter().map(|r| weight(r) * excess(r)).sum::<f64>() / total;
         refined.iter().map(|r| weight(r) * (excess(r) - mean).powi(2)).sum::<f64>()
@@ -41,7 +42,7 @@ pub struct Slip {
     /// And before this one.
     pub before: u64,
     /// By how much later the codes start afterwards than they should, s: negative when samples are
-    /// missing, modulo 1 ms.
+    /// missing, modulo a code period.
     pub jump_s: f64,
 }
 
@@ -56,7 +57,7 @@ pub fn find_slip(samples: &[Complex32], rate_hz: f64, found: &[Acquisition]) -> 
             SearchPlan::new(
                 rate_hz,
                 SearchOptions {
-                    satellites: vec![a.sv],
+                    satellites: vec![a.transmission],
                     doppler_hz: (a.doppler_hz - 100.0, a.doppler_hz + 100.0),
                     doppler_rate_hz_s: 0.0,
                     coherent_ms: LOOK_MS.0,
@@ -67,24 +68,26 @@ pub fn find_slip(samples: &[Complex32], rate_hz: f64, found: &[Acquisition]) -> 
             .ok()
         })
         .collect::<Option<_>>()?;
+    let least_jump_s = LEAST_JUMP_CHIPS / witnesses.first()?.transmission.signal.chip_rate_hz;
     let look = (rate_hz * 1e-3 * (LOOK_MS.0 * LOOK_MS.1) as f64).ceil() as usize + 1;
     // The jump that most witnesses agree on at a sample, if at least three see one.
     let jump_at = |at: usize| -> Option<f64> {
         let window = samples.get(at..at + look)?;
         let seen = plans.iter().zip(witnesses).filter_map(|(plan, a)| {
             let now = plan.search(window).ok()?.into_iter().next()?;
-            let elapsed = at as f64 / rate_hz * (1.0 + a.doppler_hz / L1_HZ);
-            let expected = (a.code_offset_s() - elapsed).rem_euclid(CA_CODE_PERIOD);
+            let elapsed = at as f64 / rate_hz * (1.0 + a.doppler_hz / a.transmission.carrier_hz());
+            let period_s = a.transmission.signal.period_s();
+            let expected = (a.code_offset_s() - elapsed).rem_euclid(period_s);
             let jump = now.code_offset_s() - expected;
-            Some((jump / CA_CODE_PERIOD - (jump / CA_CODE_PERIOD).round()) * CA_CODE_PERIOD)
+            Some((jump / period_s - (jump / period_s).round()) * period_s)
         });
         let mut jumps: Vec<f64> = seen.collect();
         jumps.sort_by(f64::total_cmp);
         let median = *jumps.get(jumps.len() / 2)?;
-        let agreeing = jumps.iter().filter(|j| (*j - median).abs() < 2.0 * LEAST_JUMP_S).count();
+        let agreeing = jumps.iter().filter(|j| (*j - median).abs() < 2.0 * least_jump_s).count();
         (agreeing >= 3 && 2 * agreeing > jumps.len()).then_some(median)
     };
-    let is_jump = |jump: f64| jump.abs() > LEAST_JUMP_S;
+    let is_jump = |jump: f64| jump.abs() > least_jump_s;
     let mut high = samples.len().checked_sub(look)?;
     let jump_s = jump_at(high).filter(|&j| is_jump(j))?;
     let mut low = 0;

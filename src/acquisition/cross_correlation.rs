@@ -5,8 +5,6 @@
 //! strong satellite explains follows from the two codes, phases and Dopplers, so it is computed.
 
 use super::Acquisition;
-use crate::gnss::constants::CA_CODE_LENGTH;
-use crate::gnss::prn_code::ca_code;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -57,28 +55,34 @@ pub fn remove_shadows(
 }
 
 /// Power of `strong`'s signal of unit power in a correlator set to `weak`, the greatest within half a
-/// chip of its code phase.
+/// chip of its code phase; none between codes of different lengths or rates.
 fn cross_power(strong: &Acquisition, weak: &Acquisition, coherent_ms: usize) -> f64 {
-    let periods = coherent_ms as f64;
-    let khz = (strong.doppler_hz - weak.doppler_hz) * 1e-3;
-    let beat = khz - khz.round();
+    let signal = strong.transmission.signal;
+    let other = weak.transmission.signal;
+    if (signal.chips, signal.chip_rate_hz) != (other.chips, other.chip_rate_hz) {
+        return 0.0;
+    }
+    let periods = (coherent_ms as f64 * 1e-3 / signal.period_s()).round().max(1.0);
+    // Turns in a code period.
+    let turns = (strong.doppler_hz - weak.doppler_hz) * signal.period_s();
+    let beat = turns - turns.round();
     let dirichlet = if beat.abs() < 1e-9 {
         1.0
     } else {
         ((TAU / 2.0 * beat * periods).sin() / (periods * (TAU / 2.0 * beat).sin())).powi(2)
     };
-    let (a, b) = (ca_code(strong.sv), ca_code(weak.sv));
-    let chip = |code: &[i8; CA_CODE_LENGTH], phase: f64| {
-        f64::from(code[(phase.floor() as i64).rem_euclid(CA_CODE_LENGTH as i64) as usize])
+    let (a, b) = (strong.transmission.code(), weak.transmission.code());
+    let chip = |code: &[i8], phase: f64| {
+        f64::from(code[(phase.floor() as i64).rem_euclid(code.len() as i64) as usize])
     };
-    let total = CA_CODE_LENGTH * STEPS;
+    let total = signal.chips * STEPS;
     let power = |shift: f64| {
         let sum: Complex64 = (0..total)
             .map(|n| {
                 let chips = (n as f64 + 0.5) / STEPS as f64;
                 let product = chip(&a, strong.code_phase_chips + chips)
                     * chip(&b, weak.code_phase_chips + shift + chips);
-                Complex64::cis(TAU * khz * n as f64 / total as f64) * product
+                Complex64::cis(TAU * turns * n as f64 / total as f64) * product
             })
             .sum();
         (sum / total as f64).norm_sqr()
@@ -122,8 +126,8 @@ mod tests {
         let mut found = plan.search(&mixed).unwrap();
         assert!(found.len() > 3, "no shadow was cast: the test proves nothing");
         let shadows = remove_shadows(&mut found, 10, 32);
-        assert!(shadows.iter().all(|(_, by)| by.sv == strong));
-        let left: Vec<Sv> = found.iter().map(|a| a.sv).collect();
+        assert!(shadows.iter().all(|(_, by)| by.sv() == strong));
+        let left: Vec<Sv> = found.iter().map(Acquisition::sv).collect();
         assert_eq!(left, [strong, weak], "{found:.1?}");
     }
 }

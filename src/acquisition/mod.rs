@@ -17,16 +17,16 @@ pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 pub use snapshot::snapshot_epoch;
 
-use crate::gnss::Sv;
+use crate::gnss::{Sv, Transmission};
 
 /// A satellite found in a block of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acquisition {
-    /// The satellite.
-    pub sv: Sv,
+    /// The satellite and its signal.
+    pub transmission: Transmission,
     /// Doppler of the carrier, Hz, positive when the satellite approaches.
     pub doppler_hz: f64,
-    /// Code phase at the first sample, chips in [0, 1023).
+    /// Code phase at the first sample, chips from 0 to below a code period.
     pub code_phase_chips: f64,
     /// Carrier-to-noise density, dB-Hz.
     pub cn0_dbhz: f64,
@@ -37,10 +37,13 @@ pub struct Acquisition {
 }
 
 impl Acquisition {
-    /// Time from the first sample to the start of the next code period, s in [0, 1e-3).
+    /// The satellite.
+    pub fn sv(&self) -> Sv {
+        self.transmission.sv
+    }
+
+    /// Time from the first sample to the start of the next code period at the nominal chip rate, s.
     pub fn code_offset_s(&self) -> f64 {
-        use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
-        let chips = (CA_CODE_LENGTH as f64 - self.code_phase_chips) % CA_CODE_LENGTH as f64;
-        chips / CA_CHIP_RATE
+        self.transmission.clock(0.0).seconds_to_start(self.code_phase_chips)
     }
 }

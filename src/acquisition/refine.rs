@@ -1,7 +1,7 @@
-//! Refinement: Doppler, code phase, bit edge and C/N0 of an acquired satellite over a whole snapshot.
+//! Refinement: Doppler, code phase, symbol edge and C/N0 of an acquired satellite over a whole snapshot.
 //!
 //! The snapshot is correlated once per code period at three taps (one pass over the samples, twice in
-//! all). The 1 ms prompts give the carrier by maximum likelihood over frequency and data bit edge; the
+//! all). The prompts give the carrier by maximum likelihood over frequency and symbol edge; the
 //! data are then wiped off and all periods summed, which gives the code phase by early minus late.
 //! Standard deviations are the Cramer-Rao bounds at the measured C/N0 (Kay, Estimation Theory, 3.11;
 //! Kaplan & Hegarty, 3rd ed., 8.6).
@@ -9,7 +9,6 @@
 use super::Acquisition;
 use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -36,9 +35,9 @@ pub struct Refined {
     pub code_rate_sigma: f64,
     /// Carrier phase at the first sample, cycles, ambiguous by half a cycle.
     pub carrier_phase: f64,
-    /// Index (0 to 19) of the first whole code period after the first sample that starts a data bit,
-    /// where the snapshot shows it.
-    pub bit_edge: Option<usize>,
+    /// Index of the first whole code period after the first sample that starts a data symbol, where the
+    /// snapshot shows it.
+    pub symbol_edge: Option<usize>,
 }
 
 impl Refined {
@@ -50,11 +49,11 @@ impl Refined {
             doppler_rate_hz_s: 0.0,
             doppler_at_s: 0.0,
             doppler_sigma_hz: 500.0 / coherent_ms as f64 / 12f64.sqrt(),
-            code_sigma_chips: CA_CHIP_RATE / rate_hz / 12f64.sqrt(),
+            code_sigma_chips: found.transmission.signal.chip_rate_hz / rate_hz / 12f64.sqrt(),
             code_rate_excess: 0.0,
             code_rate_sigma: f64::INFINITY,
             carrier_phase: 0.0,
-            bit_edge: None,
+            symbol_edge: None,
         }
     }
 }
@@ -114,10 +113,10 @@ impl<'a> Refiner<'a> {
         tap_chips: f64,
         span_hz: f64,
     ) -> Option<Refined> {
-        let code_rate = CA_CHIP_RATE * (1.0 + now.doppler_hz / L1_HZ);
-        let period = CA_CODE_LENGTH as f64 / code_rate * self.rate_hz;
-        let chips_to_start = (CA_CODE_LENGTH as f64 - now.code_phase_chips) % CA_CODE_LENGTH as f64;
-        let first = self.start as f64 + chips_to_start / code_rate * self.rate_hz;
+        let Acquisition { transmission, .. } = *now;
+        let (clock, timing) = (transmission.clock(now.doppler_hz), transmission.timing());
+        let period = clock.period_samples(self.rate_hz);
+        let first = self.start as f64 + clock.seconds_to_start(now.code_phase_chips) * self.rate_hz;
         let count = ((self.end as f64 - first) / period).floor().max(0.0) as usize;
         if count < 2 {
             return None;
@@ -140,7 +139,7 @@ impl<'a> Refiner<'a> {
             .collect();
         let prompts: Vec<Complex64> = sums.iter().map(|s| s[1]).collect();
         let span = CarrierSpan { frequency_hz: span_hz, rate_hz_s: self.doppler_rate_hz_s };
-        let carrier = estimate_carrier(&prompts, span)?;
+        let carrier = estimate_carrier(&prompts, timing, span)?;
         let count = prompts.len() as f64;
 
         let wiped = |tap: usize, range: std::ops::Range<usize>| -> Complex64 {
@@ -153,9 +152,9 @@ impl<'a> Refiner<'a> {
         let differences: f64 = still.windows(2).map(|w| (w[1] - w[0]).norm_sqr()).sum();
         let noise = 0.5 * differences / (count - 1.0);
         let snr = ((amplitude.norm_sqr() - noise / count) / noise.max(f64::MIN_POSITIVE)).max(1e-6);
-        let cn0 = snr / CA_CODE_PERIOD;
+        let cn0 = snr / timing.period_s;
 
-        let chips_per_sample = CA_CHIP_RATE / self.rate_hz;
+        let chips_per_sample = transmission.signal.chip_rate_hz / self.rate_hz;
         let distance = table.tap_distance(tap_chips) * chips_per_sample;
         // Triangular correlation: early 1 - d - x, late 1 - d + x for a signal x chips later than prompt.
         let lateness = |range: std::ops::Range<usize>| {
@@ -164,7 +163,7 @@ impl<'a> Refiner<'a> {
         };
         let half = prompts.len() / 2;
         let late_chips = lateness(0..prompts.len()) + offset * chips_per_sample;
-        let duration = count * CA_CODE_PERIOD;
+        let duration = count * timing.period_s;
         let code_sigma_chips = (distance / (2.0 * cn0 * duration)).sqrt();
         // Later by x chips in the second half: the phase at a given sample is x less.
         let code_rate_excess =
@@ -176,7 +175,8 @@ impl<'a> Refiner<'a> {
         let doppler_hz = now.doppler_hz
             + carrier.frequency_hz
             + carrier.rate_hz_s * (window_middle_s - middle_s);
-        let code_phase = (now.code_phase_chips - late_chips).rem_euclid(CA_CODE_LENGTH as f64);
+        let code_phase =
+            (now.code_phase_chips - late_chips).rem_euclid(transmission.signal.chips as f64);
         Some(Refined {
             acquisition: Acquisition {
                 doppler_hz,
@@ -186,14 +186,14 @@ impl<'a> Refiner<'a> {
             },
             doppler_rate_hz_s: carrier.rate_hz_s,
             doppler_at_s: window_middle_s,
-            doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * CA_CODE_PERIOD),
+            doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * timing.period_s),
             code_sigma_chips,
             code_rate_excess,
             code_rate_sigma: code_sigma_chips * 2.0 * 2f64.sqrt() / (duration / 2.0),
             carrier_phase: (carrier.phase / TAU
                 - (carrier.frequency_hz - 0.5 * carrier.rate_hz_s * middle_s) * middle_s)
                 .rem_euclid(1.0),
-            bit_edge: carrier.bit_edge,
+            symbol_edge: carrier.symbol_edge,
         })
     }
 }
@@ -202,11 +202,12 @@ impl<'a> Refiner<'a> {
 mod tests {
     use super::*;
     use crate::correlator::test_signal::TestSignal;
+    use crate::gnss::signal;
 
     /// Normalised errors of Doppler and code over many seeds: their mean and rms, and the edges found.
     fn errors(rate: f64, ms: usize, cn0_dbhz: f64, seeds: u64) -> ([f64; 2], [f64; 2], usize) {
-        let sv = "G11".parse().unwrap();
-        let table = CodeTable::new(sv, rate);
+        let transmission = signal::of("G11".parse().unwrap());
+        let table = CodeTable::new(transmission, rate);
         let (mut mean, mut square, mut edges) = ([0.0; 2], [0.0; 2], 0);
         for seed in 0..seeds {
             let shift = seed as f64 / seeds as f64;
@@ -222,11 +223,11 @@ mod tests {
                 seed,
             };
             let mut buffer = SampleBuffer::default();
-            buffer.push(&signal.samples(sv, (rate * 1e-3 * ms as f64) as usize));
-            let chip_rate = CA_CHIP_RATE * (1.0 + doppler / L1_HZ);
+            buffer.push(&signal.samples(transmission.sv, (rate * 1e-3 * ms as f64) as usize));
+            let chip_rate = transmission.clock(doppler).chip_rate_hz;
             let truth = (-delay_s * chip_rate).rem_euclid(1023.0);
             let coarse = Acquisition {
-                sv,
+                transmission,
                 doppler_hz: doppler + 40.0 * (shift - 0.5),
                 code_phase_chips: truth + 0.8 * (shift - 0.5),
                 cn0_dbhz: 0.0,
@@ -254,7 +255,7 @@ mod tests {
                 "{}",
                 refined.acquisition.cn0_dbhz
             );
-            edges += usize::from(refined.bit_edge == Some(7));
+            edges += usize::from(refined.symbol_edge == Some(7));
         }
         (mean, square.map(f64::sqrt), edges)
     }

@@ -1,30 +1,27 @@
-//! Parallel code-phase search over all PRNs and Dopplers.
+//! Parallel code-phase search over all satellites and Dopplers.
 //!
-//! Per coherent window of T ms the samples are sorted into N bins per code period. Folding the T
-//! periods after a carrier of Doppler f = f_j + c kHz is removed needs only the 2T fractions f_j of a
-//! kilohertz, since exp(-j 2 pi c 1 kHz m 1 ms) = 1 for whole periods m; within the period the c kHz are
-//! a shift of the spectrum by c lines. Counted work: 2T forward FFTs of N per window, and then one
-//! inverse FFT of N per satellite, Doppler, window and channel: that is all of the time.
+//! Per coherent window of K code periods T the samples are sorted into N bins per period. Folding the K
+//! periods after a carrier of Doppler f = f_j + c/T is removed needs only the 2K fractions f_j of 1/T (1 kHz
+//! of a C/A code), since exp(-j 2 pi (c/T) m T) = 1 for whole periods m; within the period c/T is a shift of
+//! the spectrum by c lines. Counted work: 2K forward FFTs of N per window, and then one inverse FFT of N per
+//! satellite, Doppler, window and channel: that is all of the time.
 
 use super::{Acquisition, statistics};
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
-use crate::gnss::prn_code::ca_code;
+use crate::gnss::{Signal, Sv, Transmission, signal};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx_linalg::{Fft, forward_transform, inverse_transform};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Bins per code period: two per chip at least, five at most.
-const LEAST_BINS: usize = 2048;
-const MOST_BINS: usize = 5120;
+/// Bins per chip, at least and at most.
+const BINS_PER_CHIP: (usize, usize) = (2, 5);
 
 /// What to search.
 #[derive(Clone, Debug)]
 pub struct SearchOptions {
-    /// Satellites.
-    pub satellites: Vec<Sv>,
+    /// Satellites and their signals, of one code length and chip rate.
+    pub satellites: Vec<Transmission>,
     /// Doppler interval, Hz, both ends included.
     pub doppler_hz: (f64, f64),
     /// Greatest rate of the Doppler, Hz/s, either way, that the refinement looks for; the search itself takes
@@ -43,7 +40,7 @@ impl Default for SearchOptions {
     /// one false alarm in 1000 searches.
     fn default() -> Self {
         Self {
-            satellites: Sv::all_gps().collect(),
+            satellites: Sv::all_gps().map(signal::of).collect(),
             doppler_hz: (-5000.0, 5000.0),
             doppler_rate_hz_s: 0.0,
             coherent_ms: 10,
@@ -56,11 +53,19 @@ impl Default for SearchOptions {
 /// Why a search cannot be done.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum AcquisitionError {
-    /// The rate is too low for the C/A code.
+    /// The rate is too low for the code.
     #[error(
-        "a sampling rate of {0} Hz is below the 1.023 MHz main lobe of the C/A code: is the rate right?"
+        "a sampling rate of {rate_hz} Hz is below the chip rate of {name}, {} MHz: is the rate right?",
+        chip_rate_hz / 1e6
     )]
-    Rate(f64),
+    Rate {
+        /// Rate, Hz.
+        rate_hz: f64,
+        /// The signal.
+        name: &'static str,
+        /// Its chip rate, Hz.
+        chip_rate_hz: f64,
+    },
     /// Fewer samples than one coherent window.
     #[error(
         "{have} samples are too few to search: {need} are needed for {coherent_ms} ms of coherent integration at {rate_hz} Hz"
@@ -84,15 +89,20 @@ pub enum AcquisitionError {
 pub struct SearchPlan {
     options: SearchOptions,
     rate_hz: f64,
+    /// Code period, s, and how many of them make a coherent window.
+    period_s: f64,
+    periods: usize,
+    /// Chips in a period.
+    chips: f64,
     /// Bins per code period.
     bins: usize,
     forward: Arc<dyn Fft<f32>>,
     inverse: Arc<dyn Fft<f32>>,
-    /// Conjugate spectra of the codes, one per satellite.
+    /// Conjugate spectra of the codes, one per transmission.
     codes: Vec<Vec<Complex32>>,
 }
 
-/// The spectra of the folded windows, by look (window of a channel) and fraction of a kilohertz.
+/// The spectra of the folded windows, by look (window of a channel) and fraction of the lines' distance.
 struct Folded {
     /// `[channel][window][fraction][bin]`, flattened.
     spectra: Vec<Complex32>,
@@ -112,12 +122,9 @@ struct Peak {
 impl SearchPlan {
     /// Prepares a search at `rate_hz`. Cost: one FFT per satellite.
     pub fn new(rate_hz: f64, options: SearchOptions) -> Result<Self, AcquisitionError> {
-        if !rate_hz.is_finite() || rate_hz < CA_CHIP_RATE {
-            return Err(AcquisitionError::Rate(rate_hz));
-        }
+        let signal = searched_signal(&options.satellites, rate_hz)?;
         let (low, high) = options.doppler_hz;
         let reason = match () {
-            _ if options.satellites.is_empty() => Some("no satellite is asked for"),
             _ if low.is_nan() || high.is_nan() || high < low => {
                 Some("the Doppler interval is empty")
             }
@@ -136,24 +143,26 @@ impl SearchPlan {
         if let Some(reason) = reason {
             return Err(AcquisitionError::Options(reason));
         }
-        let bins = bins_per_period(rate_hz);
+        let bins = bins_per_period(signal, rate_hz);
         let (forward, inverse) = (forward_transform(bins), inverse_transform(bins));
         let codes = options
             .satellites
             .iter()
-            .map(|&sv| {
-                let mut spectrum = sampled_code(sv, bins);
+            .map(|transmission| {
+                let mut spectrum = sampled_code(&transmission.code(), bins);
                 forward.process(&mut spectrum);
                 spectrum.iter_mut().for_each(|c| *c = c.conj());
                 spectrum
             })
             .collect();
-        Ok(Self { options, rate_hz, bins, forward, inverse, codes })
+        let (period_s, chips) = (signal.period_s(), signal.chips as f64);
+        let periods = (options.coherent_ms as f64 * 1e-3 / period_s).round().max(1.0) as usize;
+        Ok(Self { options, rate_hz, period_s, periods, chips, bins, forward, inverse, codes })
     }
 
     /// Samples of one coherent window.
     pub fn window_len(&self) -> usize {
-        (self.options.coherent_ms as f64 * self.rate_hz * CA_CODE_PERIOD).ceil() as usize
+        (self.periods as f64 * self.rate_hz * self.period_s).ceil() as usize
     }
 
     /// Dopplers searched, Hz: multiples of half the inverse coherent time.
@@ -170,7 +179,7 @@ impl SearchPlan {
 
     /// Doppler bin spacing, Hz.
     pub fn doppler_step(&self) -> f64 {
-        500.0 / self.options.coherent_ms as f64
+        0.5 / self.period_s / self.periods as f64
     }
 
     /// Number of cells of the whole search.
@@ -209,37 +218,40 @@ impl SearchPlan {
         let folded = self.fold(channels, windows);
         let looks = folded.looks;
         let threshold = self.threshold(looks);
-        let peaks: Vec<Peak> =
-            self.codes.par_iter().map(|code| self.search_one(code, &folded)).collect();
+        let peaks: Vec<Peak> = self
+            .codes
+            .par_iter()
+            .zip(&self.options.satellites)
+            .map(|(code, t)| self.search_one(code, t.cycles_per_chip(), &folded))
+            .collect();
         let mut found: Vec<Acquisition> = self
             .options
             .satellites
             .iter()
             .zip(peaks)
             .filter(|(_, peak)| peak.statistic > threshold)
-            .map(|(&sv, peak)| self.acquisition(sv, &peak, looks))
+            .map(|(&transmission, peak)| self.acquisition(transmission, &peak, looks))
             .collect();
         found.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
         Ok(found)
     }
 
-    fn acquisition(&self, sv: Sv, peak: &Peak, looks: usize) -> Acquisition {
-        let chips = CA_CODE_LENGTH as f64;
-        let delay = peak.bin as f64 / self.bins as f64 * chips;
+    fn acquisition(&self, transmission: Transmission, peak: &Peak, looks: usize) -> Acquisition {
+        let delay = peak.bin as f64 / self.bins as f64 * self.chips;
         let snr = (peak.power - 1.0).max(1e-3);
         Acquisition {
-            sv,
+            transmission,
             doppler_hz: peak.doppler_hz,
-            code_phase_chips: (chips - delay) % chips,
-            cn0_dbhz: 10.0 * (snr * 1e3 / self.options.coherent_ms as f64).log10(),
+            code_phase_chips: (self.chips - delay) % self.chips,
+            cn0_dbhz: 10.0 * (snr * (1.0 / self.period_s) / self.periods as f64).log10(),
             statistic: peak.statistic,
             false_alarm: statistics::search_false_alarm(peak.statistic, looks, self.cells()),
         }
     }
 
-    /// Folds each window to one code period for every fraction of a kilohertz, and transforms it.
+    /// Folds each window to one code period for every fraction of the lines' distance, and transforms it.
     fn fold(&self, channels: &[&[Complex32]], windows: usize) -> Folded {
-        let (bins, periods) = (self.bins, self.options.coherent_ms);
+        let (bins, periods) = (self.bins, self.periods);
         let fractions = 2 * periods;
         let looks = windows * channels.len();
         let mut spectra = vec![Complex32::ZERO; looks * fractions * bins];
@@ -248,11 +260,11 @@ impl SearchPlan {
             for (fraction, folded) in spectra.chunks_exact_mut(bins).enumerate() {
                 let doppler = fraction as f64 * self.doppler_step();
                 for (period, row) in sorted.chunks_exact(bins).enumerate() {
-                    let turn = phasor(doppler * period as f64 * CA_CODE_PERIOD);
+                    let turn = phasor(doppler * period as f64 * self.period_s);
                     folded.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * turn);
                 }
                 for (bin, sum) in folded.iter_mut().enumerate() {
-                    *sum *= phasor(doppler * bin as f64 / bins as f64 * CA_CODE_PERIOD);
+                    *sum *= phasor(doppler * bin as f64 / bins as f64 * self.period_s);
                 }
                 self.forward.process(folded);
             }
@@ -260,10 +272,10 @@ impl SearchPlan {
         Folded { spectra, windows, looks }
     }
 
-    /// Sums the samples of a window into `coherent_ms` rows of `bins` bins of code phase.
+    /// Sums the samples of a window into as many rows as periods, of `bins` bins of code phase.
     fn sort_into_bins(&self, samples: &[Complex32], window: usize) -> Vec<Complex32> {
-        let bins_per_sample = self.bins as f64 / (self.rate_hz * CA_CODE_PERIOD);
-        let total = self.options.coherent_ms * self.bins;
+        let bins_per_sample = self.bins as f64 / (self.rate_hz * self.period_s);
+        let total = self.periods * self.bins;
         let mut sorted = vec![Complex32::ZERO; total];
         let first_bin = (window * total) as f64;
         let first = (first_bin / bins_per_sample - 1e-6).ceil() as usize;
@@ -279,9 +291,9 @@ impl SearchPlan {
     }
 
     /// The cell of greatest statistic for one code.
-    fn search_one(&self, code: &[Complex32], folded: &Folded) -> Peak {
+    fn search_one(&self, code: &[Complex32], cycles_per_chip: f64, folded: &Folded) -> Peak {
         let bins = self.bins;
-        let fractions = 2 * self.options.coherent_ms as i64;
+        let fractions = 2 * self.periods as i64;
         let mut product = vec![Complex32::ZERO; bins];
         let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
         let mut power = vec![0f32; bins];
@@ -300,10 +312,9 @@ impl SearchPlan {
                 multiply(tail, code_head, &mut product[..bins - lines]);
                 multiply(head, code_tail, &mut product[bins - lines..]);
                 self.inverse.process_with_scratch(&mut product, &mut scratch);
-                // The code runs faster by doppler/1540: later windows see it that much earlier.
-                let seconds = (window * self.options.coherent_ms) as f64 * CA_CODE_PERIOD;
-                let advance =
-                    doppler_hz / CYCLES_PER_CHIP * seconds * bins as f64 / CA_CODE_LENGTH as f64;
+                // The code runs faster with the Doppler: later windows see it that much earlier.
+                let seconds = (window * self.periods) as f64 * self.period_s;
+                let advance = doppler_hz / cycles_per_chip * seconds * bins as f64 / self.chips;
                 let advance = (advance.round() as i64).rem_euclid(bins as i64) as usize;
                 let (early, late) = product.split_at(bins - advance);
                 add_power(early, &mut power[advance..], look == 0);
@@ -325,9 +336,27 @@ impl SearchPlan {
     }
 }
 
+/// What all transmissions of a search have in common, and the sampling rate must suit.
+pub(crate) fn searched_signal(
+    satellites: &[Transmission],
+    rate_hz: f64,
+) -> Result<&'static Signal, AcquisitionError> {
+    let no_search = AcquisitionError::Options;
+    let signal = satellites.first().ok_or(no_search("no satellite is asked for"))?.signal;
+    let Signal { name, chip_rate_hz, chips, .. } = *signal;
+    let alike = |t: &Transmission| (t.signal.chips, t.signal.chip_rate_hz) == (chips, chip_rate_hz);
+    if !satellites.iter().all(alike) {
+        return Err(no_search("codes of different lengths or rates are searched one by one"));
+    }
+    if !rate_hz.is_finite() || rate_hz < chip_rate_hz {
+        return Err(AcquisitionError::Rate { rate_hz, name, chip_rate_hz });
+    }
+    Ok(signal)
+}
+
 /// Bins per code period: as many as samples or slightly fewer, two to five per chip, with prime factors
 /// 2, 3 and 5 only. (FFT lengths with larger ones cost up to four times as much.)
-fn bins_per_period(rate_hz: f64) -> usize {
+fn bins_per_period(signal: &Signal, rate_hz: f64) -> usize {
     let is_smooth = |n: &usize| {
         let rest = [2, 3, 5].into_iter().fold(*n, |mut rest, prime| {
             while rest.is_multiple_of(prime) {
@@ -337,15 +366,16 @@ fn bins_per_period(rate_hz: f64) -> usize {
         });
         rest == 1
     };
-    let samples = (rate_hz * CA_CODE_PERIOD + 1e-6) as usize;
-    (2 * CA_CODE_LENGTH..=samples.min(MOST_BINS)).rev().find(is_smooth).unwrap_or(LEAST_BINS)
+    let from = |bins: usize| (bins..).find(is_smooth).unwrap_or(bins);
+    let (least, most) = (BINS_PER_CHIP.0 * signal.chips, from(BINS_PER_CHIP.1 * signal.chips));
+    let samples = (rate_hz * signal.period_s() + 1e-6) as usize;
+    (least..=samples.min(most)).rev().find(is_smooth).unwrap_or(from(least))
 }
 
 /// One period of a code at the middle of each of `bins` bins.
-fn sampled_code(sv: Sv, bins: usize) -> Vec<Complex32> {
-    let chips = ca_code(sv);
+fn sampled_code(chips: &[i8], bins: usize) -> Vec<Complex32> {
     (0..bins)
-        .map(|bin| Complex32::from(f32::from(chips[(2 * bin + 1) * CA_CODE_LENGTH / (2 * bins)])))
+        .map(|bin| Complex32::from(f32::from(chips[(2 * bin + 1) * chips.len() / (2 * bins)])))
         .collect()
 }
 
@@ -414,9 +444,9 @@ mod tests {
             (2.048e6, 4987.0, 0.0),
         ] {
             let sv = "G17".parse().unwrap();
+            let satellites = vec![signal::of(sv)];
             let plan =
-                SearchPlan::new(rate, SearchOptions { satellites: vec![sv], ..Default::default() })
-                    .unwrap();
+                SearchPlan::new(rate, SearchOptions { satellites, ..Default::default() }).unwrap();
             let len = (rate * 20e-3) as usize;
             // A data bit edge in the middle of the first window must not hide it.
             let signal = TestSignal {
@@ -447,7 +477,7 @@ mod tests {
         const SEARCHES: usize = 100_000;
         let rate = 2.048e6;
         let options = SearchOptions {
-            satellites: vec!["G05".parse().unwrap()],
+            satellites: vec![signal::of("G05".parse().unwrap())],
             doppler_hz: (-500.0, 500.0),
             doppler_rate_hz_s: 0.0,
             coherent_ms: 1,
@@ -473,7 +503,7 @@ mod tests {
         };
         assert!(matches!(
             SearchPlan::new(1e6, SearchOptions::default()).err(),
-            Some(AcquisitionError::Rate(_))
+            Some(AcquisitionError::Rate { .. })
         ));
         assert!(with(|o| o.satellites.clear()).is_some());
         assert!(with(|o| o.doppler_hz = (1.0, -1.0)).is_some());

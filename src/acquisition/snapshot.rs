@@ -2,7 +2,7 @@
 
 use super::Refined;
 use crate::gnss::GpsTime;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ, SPEED_OF_LIGHT};
+use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 
 /// The observations in the middle of a snapshot of `samples` samples, where code phase and Doppler are
@@ -19,13 +19,15 @@ pub fn snapshot_epoch(
         .iter()
         .map(|r| {
             let a = &r.acquisition;
-            let chips = a.code_phase_chips + CA_CHIP_RATE * (1.0 + a.doppler_hz / L1_HZ) * wait_s;
-            let sent_s = chips.rem_euclid(CA_CODE_LENGTH as f64) / CA_CHIP_RATE;
-            let modulo_s = (-sent_s).rem_euclid(CA_CODE_PERIOD);
+            let signal = a.transmission.signal;
+            let code_rate = a.transmission.clock(a.doppler_hz).chip_rate_hz;
+            let chips = a.code_phase_chips + code_rate * wait_s;
+            let sent_s = chips.rem_euclid(signal.chips as f64) / signal.chip_rate_hz;
+            let modulo_s = (-sent_s).rem_euclid(signal.period_s());
             Observation {
-                sv: a.sv,
+                transmission: a.transmission,
                 range: CodeRange::ModuloCodePeriod(modulo_s * SPEED_OF_LIGHT),
-                range_sigma_m: r.code_sigma_chips / CA_CHIP_RATE * SPEED_OF_LIGHT,
+                range_sigma_m: r.code_sigma_chips / signal.chip_rate_hz * SPEED_OF_LIGHT,
                 doppler_hz: a.doppler_hz,
                 doppler_sigma_hz: r.doppler_sigma_hz,
                 carrier_phase_cycles: None,
@@ -34,6 +36,6 @@ pub fn snapshot_epoch(
             }
         })
         .collect();
-    observations.sort_by_key(|o| o.sv);
+    observations.sort_by_key(|o| o.transmission);
     ObservationEpoch { receive_time: start + wait_s, sample: middle, observations }
 }

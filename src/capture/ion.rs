@@ -9,7 +9,7 @@ use super::ion_bits::{Order, Stream, byte_order, place_streams};
 use super::lane::Data;
 use super::{CaptureError, Note, OpenOptions, Packing, SampleFormat};
 use crate::gnss::GpsTime;
-use crate::gnss::constants::L1_HZ;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use roxmltree::{Document, Node};
 use std::path::{Path, PathBuf};
 
@@ -66,7 +66,7 @@ pub(super) fn describe(
         let lane_id = lane.id.clone();
         lane.streams.retain(|s| match &options.stream {
             Some(asked) => *asked == s.id || *asked == lane_id,
-            None => (s.center_hz - L1_HZ).abs() <= s.bandwidth_hz / 2.0,
+            None => (s.center_hz - L1_CENTRE_HZ).abs() <= s.bandwidth_hz / 2.0,
         });
     }
     lanes.retain(|l| !l.streams.is_empty());
@@ -117,7 +117,7 @@ pub(super) fn describe(
 /// as on the air. Some recorders state in `centerfreq` what lies at 0 Hz, and in `translatedfreq` the
 /// carrier itself; then `translatedfreq` equals L1 - `centerfreq`, and is the answer.
 fn carrier_if(center_hz: f64, translated_hz: f64) -> f64 {
-    let off_center = L1_HZ - center_hz;
+    let off_center = L1_CENTRE_HZ - center_hz;
     let is_carrier = (translated_hz - off_center).abs() < 1.0;
     if is_carrier { translated_hz } else { translated_hz + off_center }
 }

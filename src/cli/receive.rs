@@ -8,10 +8,10 @@ use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::array::{BeamKind, Engine, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
-use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::satellite::parse_sv_list;
+use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::position::SnapshotOptions;
 use sdr_rx::receiver::ReceiverOptions;
 use std::path::PathBuf;
@@ -175,7 +175,7 @@ impl Receive {
         let low_orbit_rate = if self.doppler_max.abs() > 10e3 { 600.0 } else { 0.0 };
         ReceiverOptions {
             search: SearchOptions {
-                satellites: self.prn.0.clone(),
+                satellites: self.prn.0.iter().copied().map(signal::of).collect(),
                 doppler_hz: (-self.doppler_max.abs(), self.doppler_max.abs()),
                 doppler_rate_hz_s: self.doppler_rate_max.unwrap_or(low_orbit_rate).abs(),
                 coherent_ms: self.search_ms,
@@ -199,7 +199,7 @@ impl Receive {
 /// The options that decide the result, as they are echoed in it.
 pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
     serde_json::json!({
-        "satellites": options.search.satellites,
+        "satellites": options.search.satellites.iter().map(|t| t.sv).collect::<Vec<_>>(),
         "doppler_hz": options.search.doppler_hz,
         "search_ms": options.search.coherent_ms,
         "search_windows": options.search.max_windows,

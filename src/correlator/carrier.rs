@@ -1,13 +1,10 @@
-//! Maximum likelihood for the carrier and the data bits of a run of 1 ms prompts.
+//! Maximum likelihood for the carrier and the data symbols of a run of prompts of one code period.
 
-use crate::gnss::constants::CA_CODE_PERIOD;
+use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Code periods in a data bit.
-const PERIODS_PER_BIT: usize = 20;
-
-/// Log-likelihood by which the best bit edge must beat the second for it to be believed: odds of 1000.
+/// Log-likelihood by which the best symbol edge must beat the second for it to be believed: odds of 1000.
 const EDGE_ODDS: f64 = 6.9;
 
 /// The carrier of a run of prompts, relative to the replica's.
@@ -19,8 +16,8 @@ pub struct Carrier {
     pub rate_hz_s: f64,
     /// Phase at the middle of the run, rad.
     pub phase: f64,
-    /// Index (0 to 19) of the first prompt that starts a data bit, where the run shows it.
-    pub bit_edge: Option<usize>,
+    /// Index of the first prompt that starts a data symbol, where the run shows it.
+    pub symbol_edge: Option<usize>,
     /// Data wiped off and carrier removed: what each period is multiplied with.
     pub wipe_off: Vec<Complex64>,
 }
@@ -34,39 +31,44 @@ pub struct CarrierSpan {
     pub rate_hz_s: f64,
 }
 
-/// Frequency and its rate within `span`, bit edge and data of a run of 1 ms prompts.
+/// Frequency and its rate within `span`, symbol edge and data of a run of prompts.
 ///
-/// With two bits or less the signs are searched and the whole run is coherent; with more, the bits are
+/// With two symbols or less the signs are searched and the whole run is coherent; with more, the symbols are
 /// first summed non-coherently for edge, frequency and rate, and then squared, which removes the data.
-pub fn estimate_carrier(prompts: &[Complex64], span: CarrierSpan) -> Option<Carrier> {
+pub fn estimate_carrier(
+    prompts: &[Complex64],
+    timing: SymbolTiming,
+    span: CarrierSpan,
+) -> Option<Carrier> {
+    let SymbolTiming { period_s, cycle } = timing;
     let count = prompts.len();
     let power: f64 = prompts.iter().map(|p| p.norm_sqr()).sum();
     if !power.is_finite() || power <= 0.0 {
         return None;
     }
-    let short = count <= 2 * PERIODS_PER_BIT;
-    let half_s = 0.5 * count as f64 * CA_CODE_PERIOD;
+    let short = count <= 2 * cycle;
+    let half_s = 0.5 * count as f64 * period_s;
     // Half a step turns the ends of a short run by 0.3 rad, and moves those of a long one by 8 Hz, a sixth
     // of the width of a bit's spectrum.
     let step = if short { 0.2 / (half_s * half_s) } else { 16.0 / half_s };
     let steps = (span.rate_hz_s / step).round() as i64;
     let best = (-steps..=steps)
-        .map(|k| Search::new(prompts, span.frequency_hz, k as f64 * step, short))
+        .map(|k| Search::new(prompts, timing, span.frequency_hz, k as f64 * step, short))
         .max_by(|a, b| a.score.total_cmp(&b.score))?;
     let Search { run, edge, edges, mut frequency, mut rate, .. } = best;
-    let score = |frequency: f64, edge: usize| score(&run, frequency, edge, short);
+    let score = |frequency: f64, edge: usize| score(&run, timing, frequency, edge, short);
 
     if !short {
-        let bits = bit_sums(&run, frequency, edge);
-        let squared = |f: f64, r: f64| squared_sum(&bits, edge, count, f, r).norm();
-        let fine = 1e3 / (16.0 * count as f64);
+        let symbols = symbol_sums(&run, timing, frequency, edge);
+        let squared = |f: f64, r: f64| squared_sum(&symbols, timing, edge, count, f, r).norm();
+        let fine = 1.0 / period_s / (16.0 * count as f64);
         // A quarter of a turn of the squares between the middle and the ends.
         let fine_rate = 0.25 / (half_s * half_s);
         let reach = |step: f64, fine: f64| (step / fine).ceil() as i64;
         let rates = if steps > 0 { reach(step, fine_rate) } else { 0 };
         let (f, r) = (-rates..=rates)
             .flat_map(|r| {
-                let reach = reach(resolution(count), fine);
+                let reach = reach(resolution(count, timing), fine);
                 (-reach..=reach).map(move |f| (f as f64 * fine, r as f64 * fine_rate))
             })
             .max_by(|a, b| squared(a.0, a.1).total_cmp(&squared(b.0, b.1)))
@@ -77,30 +79,31 @@ pub fn estimate_carrier(prompts: &[Complex64], span: CarrierSpan) -> Option<Carr
         rate += r;
     }
 
-    let run = without_rate(prompts, rate);
-    let bits = bit_sums(&run, frequency, edge);
+    let run = without_rate(prompts, period_s, rate);
+    let symbols = symbol_sums(&run, timing, frequency, edge);
     let (signs, phase) = if short {
-        let (signs, sum) = best_signs(&bits);
+        let (signs, sum) = best_signs(&symbols);
         (signs, sum.arg())
     } else {
-        let phase = squared_sum(&bits, edge, count, 0.0, 0.0).arg() / 2.0;
+        let phase = squared_sum(&symbols, timing, edge, count, 0.0, 0.0).arg() / 2.0;
         let axis = Complex64::cis(-phase);
-        (bits.iter().map(|b| (b * axis).re.signum()).collect(), phase)
+        (symbols.iter().map(|b| (b * axis).re.signum()).collect(), phase)
     };
     let wipe_off: Vec<Complex64> = (0..count)
         .map(|k| {
-            let t = from_the_middle(k, count);
-            Complex64::cis(-TAU * (frequency + 0.5 * rate * t) * t) * signs[bit_of(k, edge)]
+            let t = from_the_middle(k, count, period_s);
+            Complex64::cis(-TAU * (frequency + 0.5 * rate * t) * t)
+                * signs[symbol_of(k, edge, cycle)]
         })
         .collect();
     let noise = residual_noise(prompts, &wipe_off);
     let second = (0..edges).filter(|&e| e != edge).map(|e| score(frequency, e)).fold(0.0, f64::max);
-    let odds = (score(frequency, edge) - second) / (PERIODS_PER_BIT as f64 * noise);
-    let bit_edge = (!short && odds > EDGE_ODDS).then_some(edge);
-    Some(Carrier { frequency_hz: frequency, rate_hz_s: rate, phase, bit_edge, wipe_off })
+    let odds = (score(frequency, edge) - second) / (cycle as f64 * noise);
+    let symbol_edge = (!short && odds > EDGE_ODDS).then_some(edge);
+    Some(Carrier { frequency_hz: frequency, rate_hz_s: rate, phase, symbol_edge, wipe_off })
 }
 
-/// The best frequency and bit edge under one rate.
+/// The best frequency and symbol edge under one rate.
 struct Search {
     /// The prompts without that rate.
     run: Vec<Complex64>,
@@ -112,106 +115,129 @@ struct Search {
 }
 
 impl Search {
-    fn new(prompts: &[Complex64], span_hz: f64, rate: f64, short: bool) -> Self {
-        let run = without_rate(prompts, rate);
-        let resolution = resolution(run.len());
-        let edges = if short { run.len().min(PERIODS_PER_BIT) } else { PERIODS_PER_BIT };
+    fn new(
+        prompts: &[Complex64],
+        timing: SymbolTiming,
+        span_hz: f64,
+        rate: f64,
+        short: bool,
+    ) -> Self {
+        let run = without_rate(prompts, timing.period_s, rate);
+        let resolution = resolution(run.len(), timing);
+        let edges = if short { run.len().min(timing.cycle) } else { timing.cycle };
         let steps = (span_hz / resolution).ceil() as i64;
         let (mut frequency, mut edge, mut best) = (0.0, 0, -1.0);
         for step in -steps..=steps {
             let f = step as f64 * resolution;
             for e in 0..edges {
-                let s = score(&run, f, e, short);
+                let s = score(&run, timing, f, e, short);
                 if s > best {
                     (frequency, edge, best) = (f, e, s);
                 }
             }
         }
-        frequency = climb(frequency, resolution, |f| score(&run, f, edge, short));
-        let score = score(&run, frequency, edge, short);
+        frequency = climb(frequency, resolution, |f| score(&run, timing, f, edge, short));
+        let score = score(&run, timing, frequency, edge, short);
         Self { run, edge, edges, frequency, rate, score }
     }
 }
 
 /// Step of the frequency search over a run of `count` prompts, Hz.
-fn resolution(count: usize) -> f64 {
-    1e3 / (8.0 * count.min(PERIODS_PER_BIT) as f64)
+fn resolution(count: usize, timing: SymbolTiming) -> f64 {
+    1.0 / timing.period_s / (8.0 * count.min(timing.cycle) as f64)
 }
 
-/// Power of the run under a frequency and a bit edge.
-fn score(run: &[Complex64], frequency_hz: f64, edge: usize, short: bool) -> f64 {
-    let bits = bit_sums(run, frequency_hz, edge);
-    if short { best_signs(&bits).1.norm_sqr() } else { bits.iter().map(|b| b.norm_sqr()).sum() }
+/// Power of the run under a frequency and a symbol edge.
+fn score(
+    run: &[Complex64],
+    timing: SymbolTiming,
+    frequency_hz: f64,
+    edge: usize,
+    short: bool,
+) -> f64 {
+    let symbols = symbol_sums(run, timing, frequency_hz, edge);
+    if short {
+        best_signs(&symbols).1.norm_sqr()
+    } else {
+        symbols.iter().map(|s| s.norm_sqr()).sum()
+    }
 }
 
 /// Time of prompt `k` of `count` from the middle of the run, s.
-fn from_the_middle(k: usize, count: usize) -> f64 {
-    (k as f64 + 0.5 - 0.5 * count as f64) * CA_CODE_PERIOD
+fn from_the_middle(k: usize, count: usize, period_s: f64) -> f64 {
+    (k as f64 + 0.5 - 0.5 * count as f64) * period_s
 }
 
 /// The prompts after a rate of the frequency (Hz/s) is removed.
-fn without_rate(prompts: &[Complex64], rate_hz_s: f64) -> Vec<Complex64> {
+fn without_rate(prompts: &[Complex64], period_s: f64, rate_hz_s: f64) -> Vec<Complex64> {
     let turned = |(k, prompt): (usize, &Complex64)| {
-        let t = from_the_middle(k, prompts.len());
+        let t = from_the_middle(k, prompts.len(), period_s);
         prompt * Complex64::cis(-0.5 * TAU * rate_hz_s * t * t)
     };
     prompts.iter().enumerate().map(turned).collect()
 }
 
-/// The bit that period `k` belongs to when bits start at `edge` (the part before it is bit 0).
-fn bit_of(k: usize, edge: usize) -> usize {
-    if edge == 0 { k / PERIODS_PER_BIT } else { (k + PERIODS_PER_BIT - edge) / PERIODS_PER_BIT }
+/// The symbol that period `k` belongs to when symbols of `cycle` periods start at `edge` (the part before it is
+/// symbol 0).
+fn symbol_of(k: usize, edge: usize, cycle: usize) -> usize {
+    if edge == 0 { k / cycle } else { (k + cycle - edge) / cycle }
 }
 
-/// Prompts summed over each bit after a carrier (phase zero in the middle of the run) is removed.
-fn bit_sums(prompts: &[Complex64], frequency_hz: f64, edge: usize) -> Vec<Complex64> {
+/// Prompts summed over each symbol after a carrier (phase zero in the middle of the run) is removed.
+fn symbol_sums(
+    prompts: &[Complex64],
+    timing: SymbolTiming,
+    frequency_hz: f64,
+    edge: usize,
+) -> Vec<Complex64> {
+    let SymbolTiming { period_s, cycle } = timing;
     let count = prompts.len();
-    let mut bits = vec![Complex64::ZERO; bit_of(count - 1, edge) + 1];
-    let turn = Complex64::cis(-TAU * frequency_hz * CA_CODE_PERIOD);
-    let mut carrier =
-        Complex64::cis(-TAU * frequency_hz * CA_CODE_PERIOD * (0.5 - count as f64 / 2.0));
+    let mut symbols = vec![Complex64::ZERO; symbol_of(count - 1, edge, cycle) + 1];
+    let turn = Complex64::cis(-TAU * frequency_hz * period_s);
+    let mut carrier = Complex64::cis(-TAU * frequency_hz * period_s * (0.5 - count as f64 / 2.0));
     for (k, prompt) in prompts.iter().enumerate() {
-        bits[bit_of(k, edge)] += prompt * carrier;
+        symbols[symbol_of(k, edge, cycle)] += prompt * carrier;
         carrier *= turn;
     }
-    bits
+    symbols
 }
 
-/// The signs of up to a few bits that make their sum greatest, and that sum.
-fn best_signs(bits: &[Complex64]) -> (Vec<f64>, Complex64) {
-    let mut best = (vec![1.0; bits.len()], Complex64::ZERO);
-    for pattern in 0..1u32 << (bits.len() - 1) {
+/// The signs of up to a few symbols that make the magnitude of their sum maximal, and that sum.
+fn best_signs(symbols: &[Complex64]) -> (Vec<f64>, Complex64) {
+    let mut best = (vec![1.0; symbols.len()], Complex64::ZERO);
+    for pattern in 0..1u32 << (symbols.len() - 1) {
         let sign = |j: usize| if pattern >> j & 1 == 0 { 1.0 } else { -1.0 };
-        let sum: Complex64 = bits.iter().enumerate().map(|(j, b)| b * sign(j)).sum();
+        let sum: Complex64 = symbols.iter().enumerate().map(|(j, s)| s * sign(j)).sum();
         if sum.norm_sqr() > best.1.norm_sqr() {
-            best = ((0..bits.len()).map(sign).collect(), sum);
+            best = ((0..symbols.len()).map(sign).collect(), sum);
         }
     }
     best
 }
 
-/// Middle of bit `j` within a run of `count` prompts, from the run's middle, s.
-fn bit_middle_s(j: usize, edge: usize, count: usize) -> f64 {
-    let begin =
-        (j * PERIODS_PER_BIT + edge).saturating_sub(if edge == 0 { 0 } else { PERIODS_PER_BIT });
-    let end = if edge == 0 { (j + 1) * PERIODS_PER_BIT } else { j * PERIODS_PER_BIT + edge };
-    0.5 * (begin as f64 + end.min(count) as f64 - count as f64) * CA_CODE_PERIOD
+/// Middle of symbol `j` within a run of `count` prompts, from the run's middle, s.
+fn symbol_middle_s(j: usize, timing: SymbolTiming, edge: usize, count: usize) -> f64 {
+    let SymbolTiming { period_s, cycle } = timing;
+    let begin = (j * cycle + edge).saturating_sub(if edge == 0 { 0 } else { cycle });
+    let end = if edge == 0 { (j + 1) * cycle } else { j * cycle + edge };
+    0.5 * (begin as f64 + end.min(count) as f64 - count as f64) * period_s
 }
 
-/// Sum of the squares of the bits of a run of `count` prompts after a further frequency in its middle and a
+/// Sum of the squares of the symbols of a run of `count` prompts after a further frequency in its middle and a
 /// further rate are removed.
 fn squared_sum(
-    bits: &[Complex64],
+    symbols: &[Complex64],
+    timing: SymbolTiming,
     edge: usize,
     count: usize,
     frequency_hz: f64,
     rate_hz_s: f64,
 ) -> Complex64 {
     let turned = |(j, b): (usize, &Complex64)| {
-        let t = bit_middle_s(j, edge, count);
+        let t = symbol_middle_s(j, timing, edge, count);
         b * b * Complex64::cis(-2.0 * TAU * (frequency_hz + 0.5 * rate_hz_s * t) * t)
     };
-    bits.iter().enumerate().map(turned).sum()
+    symbols.iter().enumerate().map(turned).sum()
 }
 
 /// Noise power of one prompt after the signal is subtracted.
@@ -241,6 +267,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
+    const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
+
     /// A run of 200 prompts at 45 dB-Hz under data bits, with any frequency within 40 Hz and any rate within
     /// 600 Hz/s: both are found to their Cramer-Rao bounds (Kay, Estimation Theory, 3.11, for a quadratic
     /// phase: var f = 6 / ((2 pi)^2 snr N^3 T^2), var of the rate 360 / ((2 pi)^2 snr N^5 T^4)).
@@ -248,8 +276,8 @@ mod tests {
     fn rates_of_low_orbits_are_found_to_the_bound() {
         const COUNT: usize = 200;
         const RUNS: u64 = 60;
-        let snr = 10f64.powf(4.5) * CA_CODE_PERIOD;
-        let duration = COUNT as f64 * CA_CODE_PERIOD;
+        let snr = 10f64.powf(4.5) * TIMING.period_s;
+        let duration = COUNT as f64 * TIMING.period_s;
         let per_prompt = snr * COUNT as f64;
         let frequency_sigma = (6.0 / per_prompt).sqrt() / (TAU * duration);
         let rate_sigma = (360.0 / per_prompt).sqrt() / (TAU * duration * duration);
@@ -257,21 +285,21 @@ mod tests {
         for seed in 0..RUNS {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let (f, r) = (rng.random_range(-40.0..40.0), rng.random_range(-600.0..600.0));
-            let edge = rng.random_range(0..PERIODS_PER_BIT);
-            let signs: Vec<f64> = (0..=COUNT / PERIODS_PER_BIT + 1)
+            let edge = rng.random_range(0..TIMING.cycle);
+            let signs: Vec<f64> = (0..=COUNT / TIMING.cycle + 1)
                 .map(|_| if rng.random() { 1.0 } else { -1.0 })
                 .collect();
             let prompts: Vec<Complex64> = (0..COUNT)
                 .map(|k| {
-                    let t = from_the_middle(k, COUNT);
+                    let t = from_the_middle(k, COUNT, TIMING.period_s);
                     let signal = Complex64::cis(0.7 + TAU * (f + 0.5 * r * t) * t);
                     let noise =
                         Complex64::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
-                    signal * signs[bit_of(k, edge)] + noise * (0.5 / snr).sqrt()
+                    signal * signs[symbol_of(k, edge, TIMING.cycle)] + noise * (0.5 / snr).sqrt()
                 })
                 .collect();
             let span = CarrierSpan { frequency_hz: 50.0, rate_hz_s: 600.0 };
-            let carrier = estimate_carrier(&prompts, span).unwrap();
+            let carrier = estimate_carrier(&prompts, TIMING, span).unwrap();
             square[0] += ((carrier.frequency_hz - f) / frequency_sigma).powi(2) / RUNS as f64;
             square[1] += ((carrier.rate_hz_s - r) / rate_sigma).powi(2) / RUNS as f64;
         }

@@ -1,8 +1,6 @@
-//! C/A codes sampled at the capture's rate, at finely stepped starting phases.
+//! Codes sampled at the capture's rate, at finely stepped starting phases.
 
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD};
-use crate::gnss::prn_code::ca_code;
+use crate::gnss::Transmission;
 
 /// Starting phases per chip: a replica is placed to half of 1/40 chip (3.7 m), and the remainder is
 /// known exactly, so that a code discriminator can account for it.
@@ -11,12 +9,13 @@ const PHASES_PER_CHIP: f64 = 40.0;
 /// Samples of guard at both ends of a row: the farthest tap plus one vector of the kernel.
 const GUARD: usize = 192;
 
-/// One satellite's code at one sampling rate.
+/// The code of one transmission at one sampling rate.
 ///
 /// Row `p` of `phases` holds the code at the instants (n + (p + 1/2) / phases) / rate. The table has
-/// about 40 x 1023 entries whatever the rate, so that it stays in the second-level cache.
+/// about 40 entries a chip whatever the rate, so that it stays in the second-level cache.
 #[derive(Clone, Debug)]
 pub struct CodeTable {
+    transmission: Transmission,
     rows: Vec<Vec<i16>>,
     samples_per_period: f64,
     rate_hz: f64,
@@ -35,23 +34,29 @@ pub struct Taps<'a> {
 }
 
 impl CodeTable {
-    /// Tabulates the code of `sv` at `rate_hz` (at least the chip rate).
-    pub fn new(sv: Sv, rate_hz: f64) -> Self {
-        let chips = ca_code(sv);
-        let phases = (PHASES_PER_CHIP * CA_CHIP_RATE / rate_hz).ceil().max(1.0) as usize;
-        let samples_per_period = rate_hz * CA_CODE_PERIOD;
-        let chips_per_sample = CA_CHIP_RATE / rate_hz;
+    /// Tabulates the code at `rate_hz` (at least the chip rate).
+    pub fn new(transmission: Transmission, rate_hz: f64) -> Self {
+        let chips = transmission.code();
+        let signal = transmission.signal;
+        let phases = (PHASES_PER_CHIP * signal.chip_rate_hz / rate_hz).ceil().max(1.0) as usize;
+        let samples_per_period = rate_hz * signal.period_s();
+        let chips_per_sample = signal.chip_rate_hz / rate_hz;
         let len = samples_per_period.ceil() as usize + 2 * GUARD + 1;
         let row = |phase: usize| {
             let start = (phase as f64 + 0.5) / phases as f64 - GUARD as f64;
             (0..len)
                 .map(|n| {
                     let chip = ((start + n as f64) * chips_per_sample).floor() as i64;
-                    i16::from(chips[chip.rem_euclid(CA_CODE_LENGTH as i64) as usize])
+                    i16::from(chips[chip.rem_euclid(chips.len() as i64) as usize])
                 })
                 .collect()
         };
-        Self { rows: (0..phases).map(row).collect(), samples_per_period, rate_hz }
+        Self { transmission, rows: (0..phases).map(row).collect(), samples_per_period, rate_hz }
+    }
+
+    /// Whose code it is.
+    pub fn transmission(&self) -> Transmission {
+        self.transmission
     }
 
     /// Distance of early and late from prompt, samples, nearest to `chips` that the table can give.
@@ -60,7 +65,8 @@ impl CodeTable {
     }
 
     fn steps(&self, chips: f64) -> usize {
-        let samples = (chips * self.rate_hz / CA_CHIP_RATE).min(GUARD as f64 - 24.0);
+        let samples =
+            (chips * self.rate_hz / self.transmission.signal.chip_rate_hz).min(GUARD as f64 - 24.0);
         (samples * self.rows.len() as f64).round().max(1.0) as usize
     }
 
@@ -94,13 +100,15 @@ impl CodeTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gnss::signal;
 
     #[test]
     fn taps_are_the_code_at_the_stated_offsets() {
-        let sv: Sv = "G07".parse().unwrap();
-        let chips = ca_code(sv);
+        let transmission = signal::of("G07".parse().unwrap());
+        let chips = transmission.code();
+        let chip_rate = transmission.signal.chip_rate_hz;
         for rate in [2.6e6, 4e6, 5.456e6, 20e6] {
-            let table = CodeTable::new(sv, rate);
+            let table = CodeTable::new(transmission, rate);
             let period = rate * 1e-3;
             for k in 0..50 {
                 let start = 1000.0 + 0.37 * f64::from(k);
@@ -108,13 +116,13 @@ mod tests {
                 let stretch = 2.5e-5 * period * (f64::from(k) / 25.0 - 1.0);
                 let taps = table.taps(start, start + period + stretch, 0.25);
                 let distance = table.tap_distance(0.25);
-                assert!((distance * CA_CHIP_RATE / rate - 0.25).abs() <= 0.5 / 40.0 + 1e-12);
+                assert!((distance * chip_rate / rate - 0.25).abs() <= 0.5 / 40.0 + 1e-12);
                 assert!(taps.offset.abs() <= 0.5 / table.rows.len() as f64 + 1e-9);
                 for (tap, shift) in [(0, -distance), (1, 0.0), (2, distance)] {
                     for n in (0..taps.len).step_by(7) {
                         let replica_start = start + 0.5 * stretch + taps.offset + shift;
                         let chip = (taps.first_sample as f64 + n as f64 - replica_start)
-                            * CA_CHIP_RATE
+                            * chip_rate
                             / rate;
                         if (chip - chip.round()).abs() > 1e-6 {
                             let expected = chips[(chip.floor() as i64).rem_euclid(1023) as usize];

@@ -1,8 +1,6 @@
 //! A plain signal generator for the unit tests of acquisition and tracking.
 
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, L1_HZ};
-use crate::gnss::prn_code::ca_code;
+use crate::gnss::{Sv, signal};
 use num_complex::{Complex32, Complex64};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -31,12 +29,13 @@ pub fn data_bit(bit: i64) -> f64 {
 
 impl TestSignal {
     pub fn samples(&self, sv: Sv, len: usize) -> Vec<Complex32> {
-        let chips = ca_code(sv);
+        let transmission = signal::of(sv);
+        let (chips, clock) = (transmission.code(), transmission.clock(self.doppler));
         let amplitude = (10f64.powf(self.cn0_dbhz / 10.0) / self.rate).sqrt();
         let mut samples = four_valued_noise(len, self.seed);
         for (n, sample) in samples.iter_mut().enumerate() {
             let t = n as f64 / self.rate;
-            let phase = (t - self.delay_s) * CA_CHIP_RATE * (1.0 + self.doppler / L1_HZ);
+            let phase = (t - self.delay_s) * clock.chip_rate_hz;
             let chip = f64::from(chips[(phase.floor() as i64).rem_euclid(1023) as usize]);
             let bit = ((phase / 1023.0).floor() as i64 - self.bit_edge).div_euclid(20);
             let amplitude =

@@ -5,7 +5,7 @@ use super::theory::{band_loss_db, noise_figure_loss_db, quantiser_loss_db};
 use crate::front_end::mixture::Mixture;
 use crate::front_end::{Map, Suppression};
 use crate::gnss::antenna::{AntennaArray, ArrayDescription};
-use crate::gnss::constants::L1_WAVELENGTH;
+use crate::gnss::signal::L1_WAVELENGTH;
 use crate::scenario::Scenario;
 use num_complex::Complex64;
 use rand::SeedableRng;

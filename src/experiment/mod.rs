@@ -12,7 +12,8 @@ mod theory;
 pub use report::{csv, plot, table};
 
 use crate::acquisition::SearchOptions;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ, SPEED_OF_LIGHT};
+use crate::gnss::constants::SPEED_OF_LIGHT;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use crate::gnss::{GpsTime, NavigationData};
 use crate::receiver::{self, ReceiverError, ReceiverOptions};
 use crate::scenario::{Scenario, ScenarioError, ScenarioSource, TruthEpoch};
@@ -131,29 +132,34 @@ impl Cell {
         let [first, middle] = &truths;
         let measured = |k: usize| {
             let (truth, later) = (&first.satellites[k], &middle.satellites[k]);
-            let found = record.acquisitions.iter().find(|r| r.acquisition.sv == truth.sv)?;
-            let code = CA_CODE_LENGTH as f64;
+            let found = record.acquisitions.iter().find(|r| r.acquisition.sv() == truth.sv)?;
+            let signal = found.acquisition.transmission.signal;
+            let code = signal.chips as f64;
             let chips = found.acquisition.code_phase_chips - truth.code_phase_chips;
             let chips = (chips + code / 2.0).rem_euclid(code) - code / 2.0;
             let seen = record.sky.iter().flat_map(|s| &s.satellites).find(|s| s.sv == truth.sv);
             Some(Measured {
                 direction: seen.and_then(|s| s.predicted).map(|p| p.apart),
                 cn0_dbhz: found.acquisition.cn0_dbhz,
-                code_m: -chips / CA_CHIP_RATE * SPEED_OF_LIGHT,
+                code_m: -chips / signal.chip_rate_hz * SPEED_OF_LIGHT,
                 doppler_hz: found.acquisition.doppler_hz - later.doppler_hz,
             })
         };
         let is_there = |sv| first.satellites.iter().any(|s| s.sv == sv);
         Ok(Run {
             satellites: (0..first.satellites.len()).map(measured).collect(),
-            false_ones: record.acquisitions.iter().filter(|r| !is_there(r.acquisition.sv)).count(),
+            false_ones: record
+                .acquisitions
+                .iter()
+                .filter(|r| !is_there(r.acquisition.sv()))
+                .count(),
             position_m: record.fixes.first().map(|fix| error_m(fix.position_m, middle)),
         })
     }
 
     fn options(&self, navigation: NavigationData, time: GpsTime) -> ReceiverOptions {
         let doppler_hz =
-            SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_HZ;
+            SATELLITES_HZ + self.scenario.receiver.clock_drift_ppm.abs() * 1e-6 * L1_CENTRE_HZ;
         let mut options = ReceiverOptions {
             search: SearchOptions {
                 doppler_hz: (-doppler_hz, doppler_hz),

@@ -1,5 +1,6 @@
 //! What a front end must lose.
 
+use crate::gnss::signal::GPS_L1_CA;
 use crate::scenario::fir::low_pass_taps;
 use crate::scenario::quantiser::Quantiser;
 use std::f64::consts::PI;
@@ -61,7 +62,7 @@ pub fn code_separation_s(rate_hz: f64) -> f64 {
 /// Density of a code of random chips after sampling, but for a factor: sinc^2 and its images.
 fn folded_code_density(f_hz: f64, rate_hz: f64) -> f64 {
     let sinc2 = |x: f64| if x == 0.0 { 1.0 } else { ((PI * x).sin() / (PI * x)).powi(2) };
-    (-50..=50).map(|k| sinc2((f_hz + f64::from(k) * rate_hz) / 1.023e6)).sum()
+    (-50..=50).map(|k| sinc2((f_hz + f64::from(k) * rate_hz) / GPS_L1_CA.chip_rate_hz)).sum()
 }
 
 /// Noise of a front end over that of the antenna alone, dB: (T_A + T_0 (F - 1)) / T_A with an antenna that

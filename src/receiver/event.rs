@@ -4,7 +4,7 @@ use crate::acquisition::{Refined, Slip};
 use crate::array::{Bearing, Jammer, SkyEpoch};
 use crate::capture::Note;
 use crate::gnss::Sv;
-use crate::gnss::message::lnav::Update;
+use crate::gnss::message::Update;
 use crate::gnss::observation::ObservationEpoch;
 use crate::position::{Fix, PositioningError};
 use crate::tracking::LockState;

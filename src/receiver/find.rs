@@ -111,7 +111,7 @@ impl Region<'_> {
         let span_hz = 1e3 / searched.coherent_ms as f64;
         let searched_s = (searched.coherent_ms * searched.max_windows) as f64 * 1e-3;
         let confirms = (self.end - self.start) as f64 / self.rate_hz >= CONFIRMING * searched_s;
-        let table = CodeTable::new(cell.sv, self.rate_hz);
+        let table = CodeTable::new(cell.transmission, self.rate_hz);
         let spatial = self.signature(cell, &table);
         let own = spatial.as_ref().map(|s| self.beam_buffer(&s.1));
         let buffer = own.as_ref().unwrap_or(&self.buffers[0]);

@@ -128,7 +128,7 @@ pub(super) fn acquire_head(
     let searched = if head.shared_noise { 1 } else { head.block.channels() };
     if searched > 1 {
         let survey = survey(&head.block, rate_hz, interference, options)?;
-        asked.satellites.retain(|sv| survey.cells.iter().all(|c| c.sv != *sv));
+        asked.satellites.retain(|t| survey.cells.iter().all(|c| c.transmission != *t));
         surveyed = Some(survey);
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();

@@ -24,7 +24,8 @@ pub(super) fn see(
     options: &ReceiverOptions,
 ) -> ArraySky {
     let manifold = manifold(interference, options);
-    let signature = |f: &Found| Some((f.refined.acquisition.sv, f.spatial.as_ref()?.0.clone()));
+    let signature =
+        |f: &Found| Some((f.refined.acquisition.transmission, f.spatial.as_ref()?.0.clone()));
     sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
     sky
 }

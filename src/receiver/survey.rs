@@ -68,7 +68,7 @@ pub(super) fn survey(
     survey.sky.blind = Some(BlindCount {
         periods,
         signals: found.svd.division.rank,
-        satellites: survey.cells.iter().map(|a| a.sv).collect(),
+        satellites: survey.cells.iter().map(Acquisition::sv).collect(),
         transforms: found.transforms,
         full_search_transforms: found.full_search_transforms,
     });

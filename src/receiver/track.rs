@@ -5,10 +5,9 @@ use crate::array::code_periods::despread;
 use crate::array::{Beam, Signature};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
-use crate::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
-use crate::tracking::{Bit, Channel, Epoch, LockState, TrackLog, TrackStart, TrackingOptions};
+use crate::gnss::message::{MessageDecoder, NavigationCollector, Update};
+use crate::gnss::{Sv, Transmission};
+use crate::tracking::{Channel, Epoch, LockState, Symbol, TrackLog, TrackStart, TrackingOptions};
 use num_complex::Complex32;
 
 /// Variance (of a response of 1) up to which a beam follows a signature: C/N0 of some 22 dB-Hz in a chunk. What
@@ -41,10 +40,11 @@ pub(super) struct Track {
     /// With an array; else the samples of the one channel are those of all.
     feed: Option<BeamFeed>,
     channel: Channel,
-    decoder: FrameDecoder,
+    /// None of a pilot.
+    decoder: Option<Box<dyn MessageDecoder>>,
     pub(super) log: TrackLog,
     epochs: Vec<Epoch>,
-    bits: Vec<Bit>,
+    symbols: Vec<Symbol>,
     /// What the channel said last of its lock.
     told: LockState,
 }
@@ -59,19 +59,20 @@ impl Track {
         options: &TrackingOptions,
     ) -> Self {
         let start = TrackStart::from_refined(&found.refined, start);
+        let transmission = start.acquisition.transmission;
         Self {
             feed: found.spatial.as_ref().map(|(_, beam)| BeamFeed::new(beam.clone(), held)),
             channel: Channel::new(&start, rate_hz, options.clone()),
-            decoder: FrameDecoder::new(),
-            log: TrackLog::new(start.acquisition.sv),
+            decoder: transmission.decoder(),
+            log: TrackLog::new(transmission),
             epochs: Vec::new(),
-            bits: Vec::new(),
+            symbols: Vec::new(),
             told: LockState::PullingIn,
         }
     }
 
     pub(super) fn sv(&self) -> Sv {
-        self.log.sv
+        self.log.transmission.sv
     }
 
     pub(super) fn doppler_hz(&self) -> f64 {
@@ -109,7 +110,7 @@ impl Track {
             }
             None => buffer,
         };
-        self.channel.process(buffer, &mut self.epochs, &mut self.bits);
+        self.channel.process(buffer, &mut self.epochs, &mut self.symbols);
         self.log.extend(&self.epochs, &self.channel.quality(), instants);
     }
 
@@ -120,31 +121,36 @@ impl Track {
         buffers: &[SampleBuffer],
         beams: &BeamFormer,
         rate_hz: f64,
-    ) -> Option<(Sv, Signature)> {
+    ) -> Option<(Transmission, Signature)> {
         let is_locked = self.channel.lock() == LockState::Locked;
         let feed = self.feed.as_mut().filter(|_| is_locked)?;
         let (first, middle) = (self.epochs.first()?, self.epochs.get(self.epochs.len() / 2)?);
         let start = (first.start_sample as u64).max(buffers[0].first_sample());
-        let code_rate = CA_CHIP_RATE * (1.0 + middle.doppler_hz / L1_HZ);
+        let transmission = self.log.transmission;
+        let code_rate = transmission.clock(middle.doppler_hz).chip_rate_hz;
         let chips = (start as f64 - first.start_sample) / rate_hz * code_rate;
-        let at = (middle.doppler_hz, chips.rem_euclid(CA_CODE_LENGTH as f64));
+        let at = (middle.doppler_hz, chips.rem_euclid(transmission.signal.chips as f64));
         let span = (start, buffers[0].end());
         let prompts = despread(buffers, rate_hz, span, at, self.channel.code_table());
         let signature = Signature::estimate(&prompts).filter(|s| s.variance < CLEAR_SIGNATURE)?;
         feed.beam = beams.beam(&signature);
-        Some((self.log.sv, signature))
+        Some((transmission, signature))
     }
 
-    /// Hands the new bits to the decoder, and what it gives to the collector; gives what is new.
+    /// Hands the new symbols to the decoder, and what it gives to the collector; gives what is new.
     pub(super) fn decode(&mut self, collector: &mut NavigationCollector) -> Vec<Update> {
+        let Some(decoder) = &mut self.decoder else { return Vec::new() };
+        let cycle = self.log.transmission.timing().cycle as u64;
         let mut news = Vec::new();
-        for bit in self.bits.drain(..) {
-            let edge = bit.first_period % 20;
-            let Some(subframe) = self.decoder.push(bit.value, bit.first_period / 20) else {
+        for symbol in self.symbols.drain(..) {
+            let edge = symbol.first_period % cycle;
+            let Some(page) = decoder.push(symbol.value, symbol.first_period / cycle) else {
                 continue;
             };
-            self.log.anchor(subframe.start_index * 20 + edge, subframe.tow());
-            news.extend(collector.add(self.log.sv, &subframe));
+            if let Some(tow_s) = page.tow_s {
+                self.log.anchor(page.start_index * cycle + edge, tow_s);
+            }
+            news.extend(collector.add(self.log.transmission.sv, &page.content));
         }
         news
     }

@@ -15,9 +15,9 @@ use crate::array::sky::look::jammers;
 use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
-use crate::gnss::message::lnav::{NavigationCollector, Update};
+use crate::gnss::message::{NavigationCollector, Update};
 use crate::gnss::observation::ObservationEpoch;
-use crate::gnss::{NavigationData, Sv};
+use crate::gnss::{NavigationData, Sv, Transmission};
 use crate::position::solve_epoch;
 use crate::tracking::{LockState, TrackLog, observation_epoch};
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ pub(super) struct Tracker {
     chunk: Block,
     clock: ReceiverClock,
     tracks: Vec<Track>,
-    lost: BTreeMap<Sv, Lost>,
+    lost: BTreeMap<Transmission, Lost>,
     /// Logs of tracks that ended.
     ended: Vec<TrackLog>,
     collector: NavigationCollector,
@@ -189,7 +189,7 @@ impl Tracker {
         self.tracks = kept;
         for track in lost {
             let doppler_hz = track.doppler_hz();
-            self.lost.insert(track.sv(), Lost { log: track.log, doppler_hz });
+            self.lost.insert(track.log.transmission, Lost { log: track.log, doppler_hz });
         }
     }
 
@@ -234,9 +234,9 @@ impl Tracker {
     ) -> Result<(), AcquisitionError> {
         let (start, end) = (self.chunk.first_sample(), self.samples());
         let mut cells = Vec::new();
-        for (&sv, lost) in &self.lost {
+        for (&transmission, lost) in &self.lost {
             let asked = SearchOptions {
-                satellites: vec![sv],
+                satellites: vec![transmission],
                 doppler_hz: (lost.doppler_hz - RETRY_HZ, lost.doppler_hz + RETRY_HZ),
                 max_windows: deep_windows(self.searched),
                 ..options.search.clone()
@@ -244,10 +244,11 @@ impl Tracker {
             cells.extend(self.search_chunk(&asked)?);
         }
         if all {
-            let tracked =
-                |sv: &Sv| self.tracks.iter().any(|t| t.sv() == *sv) || self.lost.contains_key(sv);
+            let tracked = |k: &Transmission| {
+                self.tracks.iter().any(|t| t.log.transmission == *k) || self.lost.contains_key(k)
+            };
             let mut asked = options.search.clone();
-            asked.satellites.retain(|sv| !tracked(sv));
+            asked.satellites.retain(|k| !tracked(k));
             if !asked.satellites.is_empty() {
                 cells.extend(self.search_chunk(&asked)?);
             }
@@ -259,7 +260,7 @@ impl Tracker {
             let mut track = Track::new(&found, start, block, rate_hz, &options.tracking);
             track.advance(&buffers[0], self.clock.instants());
             tell(Event::Lock { sv: track.sv(), sample: start, state: LockState::PullingIn });
-            if let Some(lost) = self.lost.remove(&track.sv()) {
+            if let Some(lost) = self.lost.remove(&track.log.transmission) {
                 if let Some(jump) = track.log.continue_from(&lost.log, rate_hz) {
                     self.jumps.push((start, jump));
                 }

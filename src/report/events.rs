@@ -5,7 +5,7 @@
 use super::json::{AcquisitionRecord, FixRecord};
 use crate::array::{Bearing, Jammer};
 use crate::gnss::Sv;
-use crate::gnss::message::lnav::Update;
+use crate::gnss::message::Update;
 use crate::gnss::observation::{CodeRange, Observation};
 use crate::receiver::Event;
 use crate::tracking::LockState;
@@ -27,7 +27,7 @@ struct ObservationRecord {
 impl ObservationRecord {
     fn new(o: &Observation) -> Self {
         Self {
-            sv: o.sv,
+            sv: o.sv(),
             pseudorange_m: match o.range {
                 CodeRange::Pseudorange(metres) => Some(metres),
                 CodeRange::ModuloCodePeriod(_) => None,
@@ -69,10 +69,11 @@ pub fn event_line(event: &Event, rate_hz: f64) -> String {
         }
         Event::Message { sv, sample, update } => {
             let (what, of) = match update {
-                Update::Ephemeris(of) => ("ephemeris", Some(of)),
-                Update::IonosphereUtc => ("ionosphere and UTC", None),
-                Update::Almanac(of) => ("almanac", Some(of)),
-                Update::Health => ("health", None),
+                Update::Ephemeris(of) => ("ephemeris".to_owned(), Some(of)),
+                Update::IonosphereUtc => ("ionosphere and UTC".to_owned(), None),
+                Update::Almanac(of) => ("almanac".to_owned(), Some(of)),
+                Update::Health => ("health".to_owned(), None),
+                Update::Sbas(of, kind) => (format!("SBAS message type {kind}"), Some(of)),
             };
             json!({ "event": "message", "at_s": at(*sample as f64), "sv": sv, "what": what, "of": of })
         }

@@ -6,7 +6,6 @@ use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH};
 use crate::gnss::coordinates::Geodetic;
 use crate::position::{Fix, FixMethod};
 use serde::Serialize;
@@ -171,14 +170,12 @@ impl Stream {
 
 impl AcquisitionRecord {
     pub(super) fn new(a: &Acquisition) -> Self {
-        let code_length = CA_CODE_LENGTH as f64;
-        let chips_to_start = (code_length - a.code_phase_chips).rem_euclid(code_length);
         Self {
-            sv: a.sv,
-            prn: a.sv.prn(),
+            sv: a.sv(),
+            prn: a.sv().prn(),
             doppler_hz: a.doppler_hz,
             code_phase_chips: a.code_phase_chips,
-            code_offset_us: chips_to_start / CA_CHIP_RATE * 1e6,
+            code_offset_us: a.code_offset_s() * 1e6,
             cn0_dbhz: a.cn0_dbhz,
             statistic: a.statistic,
             false_alarm: a.false_alarm,

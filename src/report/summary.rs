@@ -22,8 +22,8 @@ pub struct SkyEntry {
 /// The satellites of the last fix, in the order of [`Sv`].
 pub fn sky(run: &Run) -> Vec<SkyEntry> {
     let cn0 = |sv: Sv| {
-        let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv == sv);
-        let acquired = || run.acquisitions.iter().find(|a| a.sv == sv).map(|a| a.cn0_dbhz);
+        let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv() == sv);
+        let acquired = || run.acquisitions.iter().find(|a| a.sv() == sv).map(|a| a.cn0_dbhz);
         newest.map(|o| o.cn0_dbhz).or_else(acquired).filter(|cn0| cn0.is_finite())
     };
     let entry = |r: &Residual| {

@@ -17,7 +17,7 @@ pub fn acquisition_table(acquisitions: &[Acquisition]) -> String {
         let _ = writeln!(
             text,
             "  {}  {:+10.1}  {:10.3}  {:10.1} {:13} {:11.1e}",
-            a.sv,
+            a.sv(),
             a.doppler_hz,
             a.code_phase_chips,
             a.cn0_dbhz,

@@ -4,9 +4,7 @@ use super::Scenario;
 use super::kernel::{TABLE, mix_add, spread};
 use super::sky::Emitter;
 use crate::gnss::antenna::{AntennaArray, direction};
-use crate::gnss::constants::{
-    CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH, SPEED_OF_LIGHT,
-};
+use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::message::lnav::LnavError;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
@@ -55,11 +53,15 @@ impl Emission {
         let len = self.chips.len() / self.segments.len();
         let segment_s = len as f64 / scenario.front_end.rate_hz;
         let elevation = emitter.range.view().elevation;
+        let signal = emitter.transmission.signal;
+        let (period_s, code) = (signal.period_s(), signal.chips);
+        let periods_per_s = (1.0 / period_s).round() as i64;
+        let wavelength_m = emitter.transmission.wavelength_m();
         for ((k, chips), segment) in
             segments.zip(self.chips.chunks_exact_mut(len)).zip(&mut self.segments)
         {
             let elapsed = start + k as f64 * segment_s;
-            let cn0 = scenario.signal.cn0_dbhz(emitter.sv, elevation, elapsed);
+            let cn0 = scenario.signal.cn0_dbhz(emitter.transmission.sv, elevation, elapsed);
             // A satellite that has set is silent.
             let amplitude = if elevation < 0.0 { 0.0 } else { amplitude(scenario, cn0) };
             let range = |k: usize| emitter.range.at(k as f64 / SEGMENTS as f64);
@@ -68,27 +70,27 @@ impl Emission {
             // Code: satellite time of transmission, in whole code periods since the GPS epoch and chips.
             let sent = scenario.start + (elapsed - begin.code_m / SPEED_OF_LIGHT);
             let (seconds, fraction) = sent.parts();
-            let periods = fraction / CA_CODE_PERIOD;
-            let period = seconds * 1000 + periods.floor() as i64;
-            let chip = periods.fract() * CA_CODE_LENGTH as f64;
+            let periods = fraction / period_s;
+            let period = seconds * periods_per_s + periods.floor() as i64;
+            let chip = periods.fract() * code as f64;
             let flown = (end.code_m - begin.code_m) / SPEED_OF_LIGHT;
-            let chip_step = (segment_s - flown) * CA_CHIP_RATE / len as f64;
+            let chip_step = (segment_s - flown) * signal.chip_rate_hz / len as f64;
             let first = emitter.message.sign(period)?;
             let second = emitter.message.sign(period + 1)?;
             if first == second {
                 spread(&emitter.chips, chip, chip_step, chips);
             } else {
-                // A bit edge: the second period, and what is beyond, with the other sign.
+                // A symbol edge: the second period, and what is beyond, with the other sign.
                 self.signed.copy_from_slice(&emitter.chips[..]);
-                self.signed[CA_CODE_LENGTH..].iter_mut().for_each(|c| *c = -*c);
+                self.signed[code..].iter_mut().for_each(|c| *c = -*c);
                 spread(&self.signed, chip, chip_step, chips);
             }
 
             // Carrier: minus the range in cycles.
-            let phase = emitter.phase - begin.carrier_m / L1_WAVELENGTH;
+            let phase = emitter.phase - begin.carrier_m / wavelength_m;
             let turn = std::f64::consts::TAU * phase.rem_euclid(1.0);
             segment.phasor = Complex64::from_polar(amplitude * f64::from(first), turn);
-            segment.cycles = (begin.carrier_m - end.carrier_m) / L1_WAVELENGTH / len as f64;
+            segment.cycles = (begin.carrier_m - end.carrier_m) / wavelength_m / len as f64;
             if let Some(array) = array {
                 let middle = (k as f64 + 0.5) / SEGMENTS as f64;
                 segment.response = array.response(&arrival(emitter, elapsed, middle));

@@ -4,25 +4,24 @@
 //! double precision, so single precision never accumulates beyond it. No fused multiply-add is
 //! used: every instruction set gives the same bytes.
 
-use crate::gnss::constants::CA_CODE_LENGTH;
 use multiversion::multiversion;
 use num_complex::Complex64;
 
-/// Entries of a chip table: two code periods and a little more, so that a segment of one period that
-/// starts anywhere in the first needs no wrap.
+/// Entries of a chip table: two periods of a code of up to 1024 chips, so that a segment of one period that starts
+/// anywhere in the first needs no wrap.
 pub const TABLE: usize = 2048;
 /// Fraction bits of the code phase: 11 integer bits index the table, so a step of 2^-53 chips is kept.
 const FRACTION_BITS: u32 = 53;
 /// Samples whose phasors advance side by side.
 const LANES: usize = 16;
 
-/// A chip table of one satellite's code (+1, -1), repeated.
-pub fn chip_table(code: &[i8; CA_CODE_LENGTH]) -> Box<[f32; TABLE]> {
-    Box::new(std::array::from_fn(|i| f32::from(code[i % CA_CODE_LENGTH])))
+/// A chip table of a code (+1, -1), repeated.
+pub fn chip_table(code: &[i8]) -> Box<[f32; TABLE]> {
+    Box::new(std::array::from_fn(|i| f32::from(code[i % code.len()])))
 }
 
-/// Writes into `chips` the table's value at code phase `start` + k `step` (chips, `start` in
-/// [0, 1023), `step` >= 0, the last below 2048) for each sample k: one multiply, shift and look-up
+/// Writes into `chips` the table's value at code phase `start` + k `step` (chips, `start` in the first period,
+/// `step` >= 0, the last below [`TABLE`]) for each sample k: one multiply, shift and look-up
 /// per sample.
 pub fn spread(table: &[f32; TABLE], start: f64, step: f64, chips: &mut [f32]) {
     let scale = (1u64 << FRACTION_BITS) as f64;
@@ -106,11 +105,11 @@ fn add_weighted_lanes(x: &[f32], y: &[f32], [a, b]: [f32; 2], re: &mut [f32], im
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gnss::{Sv, prn_code::ca_code};
+    use crate::gnss::{Sv, signal};
 
     #[test]
     fn kernels_agree_with_their_plain_scalar_twins() {
-        let code = ca_code(Sv::from_prn(7).unwrap());
+        let code = signal::of(Sv::from_prn(7).unwrap()).code();
         let table = chip_table(&code);
         for (start, step, cycles, len) in [
             (0.0, 0.39346, 1.7e-3, 2048),
@@ -126,7 +125,7 @@ mod tests {
             for k in 0..len {
                 let phase: f64 = start + step * k as f64;
                 // 2^-53 chips x 2048 steps: no tie is that near a chip's edge here, except exact ones.
-                let chip = f64::from(code[phase.floor() as usize % CA_CODE_LENGTH]);
+                let chip = f64::from(code[phase.floor() as usize % code.len()]);
                 assert_eq!(f64::from(chips[k]), chip, "sample {k}");
                 let turn = Complex64::cis(std::f64::consts::TAU * cycles * k as f64);
                 let exact = first * turn * chip + Complex64::new(0.25, -0.5);

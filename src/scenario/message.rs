@@ -1,15 +1,13 @@
-//! The navigation message of one satellite as a stream of bits.
+//! The navigation message (LNAV) of one satellite of GPS or QZSS as a stream of bits.
 
 use crate::gnss::message::lnav::{
-    Almanac, Header, Health1To24, Health25To32, IonosphereUtc, LnavError, Message, SUBFRAME_BITS,
-    Subframe1, encode_subframe, page_sv_id,
+    Almanac, DATA_ID_GPS, DATA_ID_REPEATED, Header, Health1To24, Health25To32, IonosphereUtc,
+    LnavError, Message, SUBFRAME_BITS, Subframe1, encode_with_data_id, page_sv_id,
 };
 use crate::gnss::time::SECONDS_PER_WEEK;
-use crate::gnss::{Ephemeris, GpsTime};
+use crate::gnss::{Constellation, Ephemeris, GpsTime, signal};
 use std::sync::Arc;
 
-/// Code periods in a data bit.
-const PERIODS_PER_BIT: i64 = 20;
 /// Pages in the cycle of subframes 4 and 5, which starts with the week.
 const PAGES: i64 = 25;
 /// Subframes in a week.
@@ -67,6 +65,7 @@ impl ConstellationMessage {
 pub struct MessageStream {
     ephemeris: Ephemeris,
     constellation: Arc<ConstellationMessage>,
+    periods_per_bit: i64,
     current: i64,
     words: [u32; 10],
 }
@@ -77,7 +76,9 @@ impl MessageStream {
         ephemeris: Ephemeris,
         constellation: Arc<ConstellationMessage>,
     ) -> Result<Self, LnavError> {
-        let stream = Self { ephemeris, constellation, current: i64::MIN, words: [0; 10] };
+        let periods_per_bit = signal::of(ephemeris.sv).timing().cycle as i64;
+        let (current, words) = (i64::MIN, [0; 10]);
+        let stream = Self { ephemeris, constellation, periods_per_bit, current, words };
         (0..5 * PAGES).try_for_each(|k| stream.subframe(k).map(drop))?;
         Ok(stream)
     }
@@ -94,13 +95,17 @@ impl MessageStream {
             3 => Message::Orientation((&self.ephemeris).into()),
             _ => self.constellation.page(id, page),
         };
-        encode_subframe(&Header::new(id, in_week as f64 * 6.0), &message)
+        let data_id = match self.ephemeris.sv.constellation() {
+            Constellation::Qzss => DATA_ID_REPEATED,
+            _ => DATA_ID_GPS,
+        };
+        encode_with_data_id(&Header::new(id, in_week as f64 * 6.0), &message, data_id)
     }
 
-    /// Sign (+1 for bit 0, -1 for bit 1) of the code period that starts `period` ms after the GPS
-    /// epoch by the satellite's clock.
+    /// Sign (+1 for bit 0, -1 for bit 1) of the code period that starts `period` periods after the GPS epoch by the
+    /// satellite's clock.
     pub fn sign(&mut self, period: i64) -> Result<f32, LnavError> {
-        let bit = period.div_euclid(PERIODS_PER_BIT);
+        let bit = period.div_euclid(self.periods_per_bit);
         let subframe = bit.div_euclid(SUBFRAME_BITS as i64);
         if subframe != self.current {
             self.words = self.subframe(subframe)?;

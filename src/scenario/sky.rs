@@ -9,8 +9,7 @@ use super::{Scenario, ScenarioError};
 use crate::gnss::format::rinex_nav;
 use crate::gnss::message::lnav::IonosphereUtc;
 use crate::gnss::navigation_data::UtcParameters;
-use crate::gnss::prn_code::ca_code;
-use crate::gnss::{Constellation, Ephemeris, NavigationData, Sv};
+use crate::gnss::{Constellation, Ephemeris, NavigationData, Sv, Transmission, signal};
 use nalgebra::{Unit, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -18,8 +17,8 @@ use std::sync::Arc;
 
 /// One satellite that is simulated.
 pub(super) struct Emitter {
-    /// The satellite.
-    pub sv: Sv,
+    /// The satellite and its signal.
+    pub transmission: Transmission,
     /// Its pseudorange.
     pub range: PseudorangeTable,
     /// Its code.
@@ -121,12 +120,13 @@ impl Scenario {
             if self.satellites.is_none() && elevation_deg < self.elevation_mask_deg {
                 continue;
             }
+            let transmission = signal::of(sv);
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
             rng.set_stream(3 << 32 | u64::from(sv.prn()));
             emitters.push(Emitter {
-                sv,
+                transmission,
                 range: PseudorangeTable::new(path, knot_s),
-                chips: chip_table(&ca_code(sv)),
+                chips: chip_table(&transmission.code()),
                 message: MessageStream::new(ephemeris, Arc::clone(&constellation))
                     .map_err(|source| ScenarioError::Message { sv, source })?,
                 phase: f64::from(rng.next_u32()) / 2f64.powi(32),
@@ -138,8 +138,9 @@ impl Scenario {
         }
         let listed = self.spoofer.iter().flat_map(|s| s.satellites.iter().flatten());
         for &sv in listed {
-            if emitters.iter().all(|e| e.sv != sv) {
-                let known: Vec<String> = emitters.iter().map(|e| e.sv.to_string()).collect();
+            if emitters.iter().all(|e| e.transmission.sv != sv) {
+                let known: Vec<String> =
+                    emitters.iter().map(|e| e.transmission.sv.to_string()).collect();
                 return Err(ScenarioError::SpoofedUnknown { sv, known: known.join(" ") });
             }
         }

@@ -6,10 +6,9 @@ use super::jammer::{Interference, JammerSettings};
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
-use crate::gnss::Sv;
 use crate::gnss::antenna::{AntennaArray, ArrayDescription};
-use crate::gnss::constants::CA_CODE_PERIOD;
 use crate::gnss::message::lnav::LnavError;
+use crate::gnss::{Sv, signal};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -17,7 +16,7 @@ use rayon::prelude::*;
 /// threads.
 ///
 /// The stream is made in frames of 8 segments; a segment is the power of two of samples that lasts at
-/// most 1 ms. Each frame is a function of its index, and the front end runs over the frames in order,
+/// most one period of the shortest code. Each frame is a function of its index, and the front end runs over the frames in order,
 /// beginning one frame before the first sample so that its filter has a past. What the satellites send is
 /// made once, and the elements of an array take it in parallel.
 pub struct ScenarioSource {
@@ -67,7 +66,7 @@ impl ScenarioSource {
         front_end: impl FnOnce(usize, f64) -> Box<dyn FrontEnd>,
     ) -> Result<Self, ScenarioError> {
         let rate = scenario.front_end.rate_hz;
-        let segment = 1usize << (rate * CA_CODE_PERIOD).log2().floor() as u32;
+        let segment = 1usize << (rate * shortest_period_s()).log2().floor() as u32;
         let frame = SEGMENTS * segment;
         let emitters = scenario.emitters(frame as f64 / rate)?;
         let array = scenario.array.as_ref().map(ArrayDescription::real_in_enu);
@@ -82,7 +81,7 @@ impl ScenarioSource {
             scenario.jammers.iter().enumerate().map(jammer).collect();
         let jamming = jamming.map_err(ScenarioError::Direction)?;
         let signal_power = |e: &Emitter| {
-            let cn0 = scenario.signal.cn0_dbhz(e.sv, e.range.view().elevation, 0.0);
+            let cn0 = scenario.signal.cn0_dbhz(e.transmission.sv, e.range.view().elevation, 0.0);
             amplitude(scenario, cn0).powi(2)
         };
         let signals: f64 = emitters.iter().map(signal_power).sum();
@@ -131,7 +130,7 @@ impl ScenarioSource {
 
     /// The satellites simulated.
     pub fn satellites(&self) -> impl Iterator<Item = Sv> {
-        self.emitters.iter().map(|e| e.sv)
+        self.emitters.iter().map(|e| e.transmission.sv)
     }
 
     /// The words of the subframe that a satellite starts to send `index` x 6 s after the GPS epoch, if it is
@@ -140,7 +139,7 @@ impl ScenarioSource {
     /// # Errors
     /// When a value of its ephemeris does not fit.
     pub fn subframe(&self, sv: Sv, index: i64) -> Option<Result<[u32; 10], LnavError>> {
-        self.emitters.iter().find(|e| e.sv == sv).map(|e| e.message.subframe(index))
+        self.emitters.iter().find(|e| e.transmission.sv == sv).map(|e| e.message.subframe(index))
     }
 
     pub(super) fn emitters(&self) -> &[Emitter] {
@@ -185,7 +184,7 @@ impl ScenarioSource {
             let prepare = |(emitter, emission): (&mut Emitter, &mut Emission)| {
                 emission
                     .prepare(emitter, scenario, array.as_ref(), start, segments.clone())
-                    .map_err(|e| (emitter.sv, e))
+                    .map_err(|e| (emitter.transmission.sv, e))
             };
             jamming.iter_mut().for_each(|j| j.prepare(index, drawn, samples.len()));
             if let ([element], [ready]) = (&mut elements[..], &mut ready[..]) {
@@ -200,6 +199,11 @@ impl ScenarioSource {
         }
         Ok(())
     }
+}
+
+/// Period of the shortest code of all signals, s.
+fn shortest_period_s() -> f64 {
+    signal::ALL.iter().map(|signal| signal.period_s()).fold(f64::INFINITY, f64::min)
 }
 
 impl SampleSource for ScenarioSource {

@@ -5,7 +5,6 @@ use super::{Scenario, ScenarioSource};
 use crate::capture::SampleSource;
 use crate::gnss::Sv;
 use crate::gnss::antenna::direction;
-use crate::gnss::constants::{CA_CODE_LENGTH, CA_CODE_PERIOD, L1_WAVELENGTH};
 use crate::gnss::coordinates::Geodetic;
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
@@ -80,7 +79,7 @@ pub struct SatelliteTruth {
     pub sv: Sv,
     /// Position at transmission in the ECEF frame of reception, m.
     pub position_ecef_m: [f64; 3],
-    /// Satellite clock minus GPS time for an L1 C/A user, s.
+    /// Satellite clock minus GPS time for a user of this signal, s.
     pub clock_bias_s: f64,
     /// Satellite time of week of transmission, s.
     pub transmit_tow_s: f64,
@@ -92,7 +91,7 @@ pub struct SatelliteTruth {
     pub carrier_phase_cycles: f64,
     /// Apparent Doppler by the receiver's clock, Hz: positive when the satellite approaches.
     pub doppler_hz: f64,
-    /// Code phase, chips in [0, 1023).
+    /// Code phase, chips from 0 to below a code period.
     pub code_phase_chips: f64,
     /// Azimuth of the satellite, degrees from north over east.
     pub azimuth_deg: f64,
@@ -174,23 +173,25 @@ fn satellite_truth(scenario: &Scenario, emitter: &Emitter, elapsed: f64) -> Sate
     let path = emitter.range.path();
     let view = path.view(elapsed);
     let transmit = path.transmit_time(elapsed, &view.pseudorange);
-    let periods = transmit.parts().1 / CA_CODE_PERIOD;
+    let transmission = emitter.transmission;
+    let periods = transmit.parts().1 / transmission.signal.period_s();
     let spoofed_from = emitter.spoofed_from(elapsed);
     let towards = spoofed_from.unwrap_or_else(|| direction(view.azimuth, view.elevation));
     SatelliteTruth {
-        sv: emitter.sv,
+        sv: transmission.sv,
         position_ecef_m: view.propagation.satellite.position_m.into(),
         clock_bias_s: view.propagation.satellite.clock_bias_s,
         transmit_tow_s: transmit.tow(),
         range_m: view.propagation.range_m,
         pseudorange_m: view.pseudorange.code_m,
-        carrier_phase_cycles: view.pseudorange.carrier_m / L1_WAVELENGTH - emitter.phase,
-        doppler_hz: -path.carrier_rate(elapsed) / L1_WAVELENGTH,
-        code_phase_chips: periods.fract() * CA_CODE_LENGTH as f64,
+        carrier_phase_cycles: view.pseudorange.carrier_m / transmission.wavelength_m()
+            - emitter.phase,
+        doppler_hz: -path.carrier_rate(elapsed) / transmission.wavelength_m(),
+        code_phase_chips: periods.fract() * transmission.signal.chips as f64,
         azimuth_deg: view.azimuth.to_degrees(),
         elevation_deg: view.elevation.to_degrees(),
         arrival: arrival(scenario, &towards),
         spoofed: spoofed_from.is_some(),
-        cn0_dbhz: scenario.signal.cn0_dbhz(emitter.sv, view.elevation, elapsed),
+        cn0_dbhz: scenario.signal.cn0_dbhz(transmission.sv, view.elevation, elapsed),
     }
 }

@@ -1,17 +1,19 @@
 //! One satellite followed through the stream.
 
-use super::bit_sync::{Bit, BitSynchroniser, PERIODS_PER_BIT};
 use super::discriminators::{costas_cycles, frequency_hz, lateness_chips};
 use super::lock::{LockDetector, LockState};
 use super::loop_filter::{CarrierFilter, code_gain};
+use super::symbol_sync::{Symbol, SymbolSynchroniser};
 use crate::acquisition::{Acquisition, Refined};
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, L1_HZ};
+use crate::gnss::Transmission;
+use crate::gnss::constants::SPEED_OF_LIGHT;
+use crate::gnss::signal::{CodeClock, SymbolTiming};
 use num_complex::Complex64;
 
-/// Frequency error beyond which a certain one is a false lock and no dynamics, Hz.
-const FALSE_LOCK_HZ: f64 = 8.0;
+/// Frequency error beyond which a certain one is a false lock and no dynamics, in the distance of false locks,
+/// half the rate of the symbols: 8 of 25 Hz with symbols of 20 ms.
+const FALSE_LOCK: f64 = 0.32;
 
 /// Seconds for which the loops stay wide after a start.
 const SETTLING_S: f64 = 1.0;
@@ -19,11 +21,11 @@ const SETTLING_S: f64 = 1.0;
 /// Bandwidths and integration times of the loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackingOptions {
-    /// Coherent integration once the bit edge is known, ms: a divisor of 20.
+    /// Coherent integration once the symbol edge is known, ms: a divisor of a symbol, and not more than one.
     pub coherent_ms: usize,
     /// Noise bandwidth of the phase-locked loop, Hz (lowered to 0.15 / coherent time where that is less).
     pub pll_hz: f64,
-    /// Noise bandwidth of the frequency-locked loop that assists until the bit edge is known, Hz.
+    /// Noise bandwidth of the frequency-locked loop that assists until the symbol edge is known, Hz.
     pub fll_hz: f64,
     /// Noise bandwidth of the carrier-aided delay-locked loop, Hz (four times that in the first second).
     pub dll_hz: f64,
@@ -49,8 +51,8 @@ pub struct TrackStart {
     pub doppler_rate_hz_s: f64,
     /// Carrier phase at that sample, cycles.
     pub carrier_phase: f64,
-    /// Whole code period after that sample (0 to 19) that starts a data bit, if known.
-    pub bit_edge: Option<usize>,
+    /// Whole code period after that sample that starts a data symbol, if known.
+    pub symbol_edge: Option<usize>,
 }
 
 impl TrackStart {
@@ -63,7 +65,7 @@ impl TrackStart {
             acquisition: Acquisition { doppler_hz, ..refined.acquisition },
             doppler_rate_hz_s: refined.doppler_rate_hz_s,
             carrier_phase: refined.carrier_phase,
-            bit_edge: refined.bit_edge,
+            symbol_edge: refined.symbol_edge,
         }
     }
 }
@@ -96,7 +98,6 @@ pub struct Quality {
 
 /// The loops of one satellite.
 pub struct Channel {
-    sv: Sv,
     table: CodeTable,
     rate_hz: f64,
     options: TrackingOptions,
@@ -111,7 +112,7 @@ pub struct Channel {
     interval: Interval,
     last_prompt: Option<Complex64>,
     lock: LockDetector,
-    bits: BitSynchroniser,
+    symbols: SymbolSynchroniser,
 }
 
 /// What has been summed since the last update of the loops.
@@ -126,11 +127,12 @@ struct Interval {
 impl Channel {
     /// Starts a track on samples at `rate_hz`.
     pub fn new(start: &TrackStart, rate_hz: f64, options: TrackingOptions) -> Self {
-        let Acquisition { sv, doppler_hz, .. } = start.acquisition;
-        let wait_s = start.acquisition.code_offset_s() / (1.0 + doppler_hz / L1_HZ);
+        let Acquisition { transmission, doppler_hz, .. } = start.acquisition;
+        let wait_s =
+            start.acquisition.code_offset_s() / (1.0 + doppler_hz / transmission.carrier_hz());
+        let timing = transmission.timing();
         Self {
-            sv,
-            table: CodeTable::new(sv, rate_hz),
+            table: CodeTable::new(transmission, rate_hz),
             rate_hz,
             options,
             period: 0,
@@ -141,14 +143,18 @@ impl Channel {
             filter: CarrierFilter::new(doppler_hz, start.doppler_rate_hz_s),
             interval: Interval::default(),
             last_prompt: None,
-            lock: LockDetector::default(),
-            bits: BitSynchroniser::new(start.bit_edge.map(|e| e as u64)),
+            lock: LockDetector::new(timing),
+            symbols: SymbolSynchroniser::new(timing, start.symbol_edge.map(|e| e as u64)),
         }
     }
 
-    /// The satellite.
-    pub fn sv(&self) -> Sv {
-        self.sv
+    /// What is tracked.
+    pub fn transmission(&self) -> Transmission {
+        self.table.transmission()
+    }
+
+    fn timing(&self) -> SymbolTiming {
+        self.symbols.timing()
     }
 
     /// The code's replicas.
@@ -169,7 +175,7 @@ impl Channel {
     /// Doppler now, Hz: the loop filter's is that of the middle of the interval under way.
     pub fn doppler_hz(&self) -> f64 {
         let from_middle = self.interval.periods as f64 - 0.5 * self.interval_periods() as f64;
-        self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * CA_CODE_PERIOD
+        self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * self.timing().period_s
     }
 
     /// How good the measurements are now.
@@ -184,12 +190,11 @@ impl Channel {
     /// Standard deviation of the code phase, m: thermal noise through the delay-locked loop at the
     /// measured C/N0 (Kaplan & Hegarty, 3rd ed., 8.6.3, for a wide front end).
     pub fn code_sigma_m(&self) -> f64 {
-        use crate::gnss::constants::SPEED_OF_LIGHT;
         let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
-        let interval = self.interval_periods() as f64 * CA_CODE_PERIOD;
+        let interval = self.interval_periods() as f64 * self.timing().period_s;
         let variance =
             self.options.dll_hz * self.options.tap_chips / cn0 * (1.0 + 1.0 / (interval * cn0));
-        variance.sqrt() * SPEED_OF_LIGHT / CA_CHIP_RATE
+        variance.sqrt() * SPEED_OF_LIGHT / self.transmission().signal.chip_rate_hz
     }
 
     /// Standard deviation of the Doppler of the phase-locked loop, Hz: white phase noise of density 1/(2
@@ -197,7 +202,7 @@ impl Channel {
     pub fn doppler_sigma_hz(&self) -> f64 {
         let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
         let (_, bandwidth) = self.bandwidths();
-        let interval = self.interval_periods() as f64 * CA_CODE_PERIOD;
+        let interval = self.interval_periods() as f64 * self.timing().period_s;
         // |s (1.1 w^2 s + w^3) / (s^3 + 2.4 w s^2 + 1.1 w^2 s + w^3)|^2 integrated: 0.711 w^3.
         let w = bandwidth / 0.7845;
         let squaring = 1.0 + 0.5 / (interval * cn0);
@@ -205,16 +210,18 @@ impl Channel {
     }
 
     /// Follows the signal through all code periods that `samples` holds whole: appends an epoch for each
-    /// and the bits they complete. Work: one pass over the samples.
+    /// and the symbols they complete. Work: one pass over the samples.
     pub fn process(
         &mut self,
         samples: &SampleBuffer,
         epochs: &mut Vec<Epoch>,
-        bits: &mut Vec<Bit>,
+        symbols: &mut Vec<Symbol>,
     ) {
+        let transmission = self.transmission();
         loop {
-            let chip_rate = CA_CHIP_RATE * (1.0 + self.carrier_hz / L1_HZ) + self.code_correction;
-            let length = CA_CODE_LENGTH as f64 / chip_rate * self.rate_hz;
+            let clock = transmission.clock(self.carrier_hz);
+            let chip_rate_hz = clock.chip_rate_hz + self.code_correction;
+            let length = CodeClock { chip_rate_hz, ..clock }.period_samples(self.rate_hz);
             let end = self.code_start + length;
             let taps = self.table.taps(self.code_start, end, self.options.tap_chips);
             let window = samples.window(taps.first_sample, taps.first_sample + taps.len as u64);
@@ -234,29 +241,29 @@ impl Channel {
             });
             self.code_start = end;
             self.carrier_cycles += step * length;
-            self.advance(sums, offset, bits);
+            self.advance(sums, offset, symbols);
         }
     }
 
     /// Accounts for one code period and closes the loops where an interval ends.
-    fn advance(&mut self, sums: [Complex64; 3], offset: f64, bits: &mut Vec<Bit>) {
-        let edge = self.bits.edge();
-        let in_bit = |period: u64| {
-            edge.map(|e| (period + PERIODS_PER_BIT as u64 - e) % PERIODS_PER_BIT as u64)
-        };
-        let false_lock = self.lock.push(sums[1], in_bit(self.period));
-        self.bits.push(self.period, sums[1], bits);
+    fn advance(&mut self, sums: [Complex64; 3], offset: f64, symbols: &mut Vec<Symbol>) {
+        // By the edge as it was known during the period.
+        let places = [0, 1].map(|k| self.symbols.place(self.period + k));
+        let coherent = self.coherent_periods() as u64;
+        let false_lock = self.lock.push(sums[1], places[0]);
+        self.symbols.push(self.period, sums[1], symbols);
         self.period += 1;
         for (sum, new) in self.interval.taps.iter_mut().zip(sums) {
             *sum += new;
         }
         self.interval.offset += offset;
         self.interval.periods += 1;
-        let is_end = in_bit(self.period).is_none_or(|p| p % self.options.coherent_ms as u64 == 0);
-        if is_end {
-            self.close_loops(edge.is_some());
+        if places[1].is_none_or(|place| place % coherent == 0) {
+            self.close_loops(places[1].is_some());
         }
-        if let Some(error_hz) = false_lock.filter(|e| e.abs() > FALSE_LOCK_HZ) {
+        let SymbolTiming { period_s, cycle } = self.timing();
+        let false_lock_hz = FALSE_LOCK / (2.0 * cycle as f64 * period_s);
+        if let Some(error_hz) = false_lock.filter(|e| e.abs() > false_lock_hz) {
             self.filter.step(error_hz);
             self.carrier_hz = self.filter.doppler_hz();
         }
@@ -265,7 +272,7 @@ impl Channel {
     fn close_loops(&mut self, synchronised: bool) {
         let Interval { taps: [early, prompt, late], offset, periods } =
             std::mem::take(&mut self.interval);
-        let interval_s = periods as f64 * CA_CODE_PERIOD;
+        let interval_s = periods as f64 * self.timing().period_s;
         let (fll_hz, pll_hz) = self.bandwidths();
         let frequency = match self.last_prompt.replace(prompt) {
             Some(last) if !synchronised => frequency_hz(last, prompt, interval_s),
@@ -274,24 +281,29 @@ impl Channel {
         self.carrier_hz =
             self.filter.update(costas_cycles(prompt), pll_hz, frequency, fll_hz, interval_s);
 
-        let chips_per_sample = CA_CHIP_RATE / self.rate_hz;
+        let chips_per_sample = self.transmission().signal.chip_rate_hz / self.rate_hz;
         let distance = self.table.tap_distance(self.options.tap_chips) * chips_per_sample;
         let late_chips =
             lateness_chips(early, late, distance) + offset / periods as f64 * chips_per_sample;
-        let settling = self.period as f64 * CA_CODE_PERIOD < SETTLING_S;
+        let settling = self.period as f64 * self.timing().period_s < SETTLING_S;
         let bandwidth = self.options.dll_hz * if settling { 4.0 } else { 1.0 };
         self.code_correction = -code_gain(bandwidth) * late_chips;
     }
 
     /// Bandwidths now of the frequency- and the phase-locked loop, Hz.
     fn bandwidths(&self) -> (f64, f64) {
-        let stable = 0.15 / (self.interval_periods() as f64 * CA_CODE_PERIOD);
-        let fll = if self.bits.edge().is_some() { 0.0 } else { self.options.fll_hz };
+        let stable = 0.15 / (self.interval_periods() as f64 * self.timing().period_s);
+        let fll = if self.symbols.edge().is_some() { 0.0 } else { self.options.fll_hz };
         (fll, self.options.pll_hz.min(stable))
     }
 
     fn interval_periods(&self) -> usize {
-        if self.bits.edge().is_some() { self.options.coherent_ms } else { 1 }
+        if self.symbols.edge().is_some() { self.coherent_periods() } else { 1 }
+    }
+
+    /// Code periods of a coherent sum once the symbol edge is known.
+    fn coherent_periods(&self) -> usize {
+        self.timing().coherent_periods(self.options.coherent_ms)
     }
 }
 
@@ -299,6 +311,7 @@ impl Channel {
 mod tests {
     use super::*;
     use crate::correlator::test_signal::{TestSignal, data_bit};
+    use crate::gnss::signal;
     use rayon::prelude::*;
 
     const RATE: f64 = 2.048e6;
@@ -311,13 +324,13 @@ mod tests {
         doppler_error: f64,
         edge: Option<usize>,
         options: TrackingOptions,
-    ) -> (Channel, Vec<Bit>, f64) {
-        let sv = "G19".parse().unwrap();
+    ) -> (Channel, Vec<Symbol>, f64) {
+        let transmission = signal::of("G19".parse().unwrap());
         let mut buffer = SampleBuffer::default();
-        buffer.push(&signal.samples(sv, (RATE * seconds) as usize));
-        let chip_rate = CA_CHIP_RATE * (1.0 + signal.doppler / L1_HZ);
+        buffer.push(&signal.samples(transmission.sv, (RATE * seconds) as usize));
+        let chip_rate = transmission.clock(signal.doppler).chip_rate_hz;
         let acquisition = Acquisition {
-            sv,
+            transmission,
             doppler_hz: signal.doppler + doppler_error,
             code_phase_chips: (0.3 - signal.delay_s * chip_rate).rem_euclid(1023.0),
             cn0_dbhz: signal.cn0_dbhz,
@@ -329,20 +342,20 @@ mod tests {
             acquisition,
             doppler_rate_hz_s: 0.0,
             carrier_phase: 0.2,
-            bit_edge: edge,
+            symbol_edge: edge,
         };
         let mut channel = Channel::new(&start, RATE, options);
         let (mut epochs, mut bits) = (Vec::new(), Vec::new());
         channel.process(&buffer, &mut epochs, &mut bits);
         let last = epochs.last().unwrap();
         let truth = (signal.delay_s + last.period as f64 * 1023.0 / chip_rate) * RATE;
-        let error = (last.start_sample - truth) / RATE * CA_CHIP_RATE;
+        let error = (last.start_sample - truth) / RATE * transmission.signal.chip_rate_hz;
         (channel, bits, (error + 511.5).rem_euclid(1023.0) - 511.5)
     }
 
-    fn bit_errors(bits: &[Bit], edge: u64) -> usize {
+    fn bit_errors(bits: &[Symbol], edge: u64) -> usize {
         let sign =
-            |b: &Bit| f64::from(b.value) * data_bit((b.first_period as i64 - edge as i64) / 20);
+            |b: &Symbol| f64::from(b.value) * data_bit((b.first_period as i64 - edge as i64) / 20);
         let negative = bits.iter().filter(|b| sign(b) < 0.0).count();
         negative.min(bits.len() - negative)
     }

@@ -1,21 +1,21 @@
 //! C/N0 and lock, from the correlation of neighbouring prompts.
 //!
-//! With p\[k\] the 1 ms prompts inside a data bit, R0 = E|p\[k\]|^2 = S + N and R1 = E p\[k+1\] p\[k\]* =
-//! S exp(j 2 pi df 1 ms): white noise drops out of R1 whatever its power, and C/N0 = |R1| / (R0 - |R1|) /
-//! 1 ms. Neither needs carrier phase. Where bits are known, the second half of a bit against its first,
-//! summed over ten bits, turns by 2 pi df 10 ms: that betrays a false lock of the carrier loop.
+//! With p\[k\] the prompts of code periods T inside a data symbol, R0 = E|p\[k\]|^2 = S + N and R1 = E p\[k+1\]
+//! p\[k\]* = S exp(j 2 pi df T): white noise drops out of R1 whatever its power, and C/N0 = |R1| / (R0 - |R1|) / T.
+//! Neither needs carrier phase. Where symbols are known, the second half of a symbol against its first, summed
+//! over ten bits of LNAV or as many periods, turns by 2 pi df half a symbol: that betrays a false lock of the
+//! carrier loop.
 
+use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Periods averaged for one decision. At 30 dB-Hz R1/N is 1 +- sqrt(3/200) = 0.12.
+/// Periods averaged for one decision, and summed for one look at the frequency. At 30 dB-Hz and 1 ms R1/N is 1 +-
+/// sqrt(3/200) = 0.12.
 const BLOCK: usize = 200;
 
 /// A block below this C/N0 speaks of loss, dB-Hz: six standard deviations from a satellite at 30.
 const LOSS_DBHZ: f64 = 24.5;
-
-/// Bits summed for one look at the frequency.
-const BITS: usize = 10;
 
 /// Consecutive bad blocks that mean loss.
 const BAD_BLOCKS: usize = 3;
@@ -35,8 +35,9 @@ pub enum LockState {
 }
 
 /// Running correlation of neighbouring prompts.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct LockDetector {
+    timing: SymbolTiming,
     last: Option<Complex64>,
     r0: f64,
     r1: Complex64,
@@ -45,15 +46,33 @@ pub struct LockDetector {
     noise: f64,
     blocks: usize,
     bad: usize,
-    /// Sums of the first and the second half of the present bit.
+    /// Sums of the first and the second half of the present symbol.
     halves: [Complex64; 2],
     turn: Complex64,
-    bits: usize,
+    symbols: usize,
 }
 
 impl LockDetector {
-    /// Takes a prompt and its place in the data bit (0 to 19) where that is known. Gives, once in ten bits,
-    /// the frequency error in Hz if it is certain (five standard deviations).
+    /// For symbols of this timing.
+    pub fn new(timing: SymbolTiming) -> Self {
+        Self {
+            timing,
+            last: None,
+            r0: 0.0,
+            r1: Complex64::ZERO,
+            pairs: 0,
+            signal: 0.0,
+            noise: 0.0,
+            blocks: 0,
+            bad: 0,
+            halves: [Complex64::ZERO; 2],
+            turn: Complex64::ZERO,
+            symbols: 0,
+        }
+    }
+
+    /// Takes a prompt and its place in the data symbol where that is known. Gives, once in 200 periods, the
+    /// frequency error in Hz if it is certain (five standard deviations).
     pub fn push(&mut self, prompt: Complex64, place: Option<u64>) -> Option<f64> {
         if let Some(last) = self.last.replace(prompt).filter(|_| place != Some(0)) {
             self.r0 += 0.5 * (prompt.norm_sqr() + last.norm_sqr());
@@ -67,23 +86,26 @@ impl LockDetector {
         if place == 0 {
             self.halves = [Complex64::ZERO; 2];
         }
-        self.halves[usize::from(place >= 10)] += prompt;
-        if place == 19 { self.end_bit() } else { None }
+        let cycle = self.timing.cycle as u64;
+        self.halves[usize::from(place >= cycle / 2)] += prompt;
+        if place + 1 == cycle { self.end_symbol() } else { None }
     }
 
-    fn end_bit(&mut self) -> Option<f64> {
+    fn end_symbol(&mut self) -> Option<f64> {
         let [first, second] = self.halves;
         self.turn += second * first.conj();
-        self.bits += 1;
-        if self.bits < BITS {
+        self.symbols += 1;
+        if self.symbols * self.timing.cycle < BLOCK {
             return None;
         }
-        let angle = self.turn.arg();
-        (self.turn, self.bits) = (Complex64::ZERO, 0);
+        let (angle, count) = (self.turn.arg(), self.symbols as f64);
+        (self.turn, self.symbols) = (Complex64::ZERO, 0);
+        let half = 0.5 * self.timing.cycle as f64;
         // Phase noise of a product of two halves of power ratio N/S each: sqrt(N/S (1 + N/2S)).
-        let ratio = self.noise / (10.0 * self.signal).max(f64::MIN_POSITIVE);
-        let sigma = (ratio * (1.0 + 0.5 * ratio) / BITS as f64).sqrt();
-        (self.blocks > 0 && angle.abs() > 5.0 * sigma).then_some(angle / TAU * 100.0)
+        let ratio = self.noise / (half * self.signal).max(f64::MIN_POSITIVE);
+        let sigma = (ratio * (1.0 + 0.5 * ratio) / count).sqrt();
+        (self.blocks > 0 && angle.abs() > 5.0 * sigma)
+            .then_some(angle / TAU * (1.0 / (half * self.timing.period_s)))
     }
 
     fn end_block(&mut self) {
@@ -95,12 +117,16 @@ impl LockDetector {
         let weight = 1.0 / (self.blocks as f64).min(AVERAGED);
         self.signal += weight * (signal - self.signal);
         self.noise += weight * (noise - self.noise);
-        self.bad = if cn0_dbhz(signal, noise) < LOSS_DBHZ { self.bad + 1 } else { 0 };
+        self.bad = if self.dbhz(signal, noise) < LOSS_DBHZ { self.bad + 1 } else { 0 };
     }
 
     /// C/N0 over the last second, dB-Hz; None before the first 0.2 s.
     pub fn cn0_dbhz(&self) -> Option<f64> {
-        (self.blocks > 0).then(|| cn0_dbhz(self.signal, self.noise))
+        (self.blocks > 0).then(|| self.dbhz(self.signal, self.noise))
+    }
+
+    fn dbhz(&self, signal: f64, noise: f64) -> f64 {
+        10.0 * (signal / noise * (1.0 / self.timing.period_s)).max(1.0).log10()
     }
 
     /// The verdict.
@@ -111,10 +137,6 @@ impl LockDetector {
             _ => LockState::Locked,
         }
     }
-}
-
-fn cn0_dbhz(signal: f64, noise: f64) -> f64 {
-    10.0 * (signal / noise * 1e3).max(1.0).log10()
 }
 
 #[cfg(test)]
@@ -128,7 +150,7 @@ mod tests {
     fn run(cn0: f64, df: f64, count: usize, seed: u64) -> (LockDetector, Vec<f64>) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let amplitude = (10f64.powf(cn0 / 10.0) * 1e-3).sqrt();
-        let mut detector = LockDetector::default();
+        let mut detector = LockDetector::new(SymbolTiming { period_s: 1e-3, cycle: 20 });
         let mut errors = Vec::new();
         for k in 0..count {
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };

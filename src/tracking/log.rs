@@ -2,16 +2,16 @@
 //! navigation message.
 
 use super::{Epoch, Quality};
-use crate::gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
+use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
-use crate::gnss::{GpsTime, Sv};
+use crate::gnss::{GpsTime, Transmission};
 
 /// What one track measured at the receive instants that it saw, a few numbers each: its memory grows
 /// with the number of instants, not of samples.
 #[derive(Clone, Debug)]
 pub struct TrackLog {
-    /// The satellite.
-    pub sv: Sv,
+    /// The satellite and its signal.
+    pub transmission: Transmission,
     measurements: Vec<Measurement>,
     /// Code periods whose time of transmission is known, s of week, in order of the period.
     anchors: Vec<(u64, f64)>,
@@ -37,8 +37,14 @@ struct Measurement {
 
 impl TrackLog {
     /// An empty log.
-    pub fn new(sv: Sv) -> Self {
-        Self { sv, measurements: Vec::new(), anchors: Vec::new(), last: None, is_empty: true }
+    pub fn new(transmission: Transmission) -> Self {
+        Self {
+            transmission,
+            measurements: Vec::new(),
+            anchors: Vec::new(),
+            last: None,
+            is_empty: true,
+        }
     }
 
     /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the receive
@@ -84,7 +90,7 @@ impl TrackLog {
     /// known adds nothing.
     pub fn anchor(&mut self, period: u64, tow_s: f64) {
         let known = self.tow_s(period, 0.0);
-        if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * CA_CODE_PERIOD) {
+        if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * self.transmission.signal.period_s()) {
             self.anchors.push((period, tow_s));
         }
     }
@@ -94,7 +100,7 @@ impl TrackLog {
         !self.anchors.is_empty()
     }
 
-    /// Dates this track by one of the same satellite that ended before: the transmit time runs on by the
+    /// Dates this track by one of the same transmission that ended before: the transmit time runs on by the
     /// samples between, and is rounded to whole code periods. Gives what the rounding took away, s: the
     /// jump of the code phase, by which samples are missing or double if all satellites show it.
     pub fn continue_from(&mut self, before: &Self, rate_hz: f64) -> Option<f64> {
@@ -102,10 +108,11 @@ impl TrackLog {
         let tow = before.tow_s(old.period, 0.0)?;
         let elapsed = (new.start_sample - old.start_sample) / rate_hz;
         let doppler = 0.5 * (old.doppler_hz + new.doppler_hz);
-        let expected = elapsed * (1.0 + doppler / crate::gnss::constants::L1_HZ);
-        let periods = (expected / CA_CODE_PERIOD).round();
-        self.anchor(new.period, tow + periods * CA_CODE_PERIOD);
-        Some(expected - periods * CA_CODE_PERIOD)
+        let expected = elapsed * (1.0 + doppler / self.transmission.carrier_hz());
+        let period_s = self.transmission.signal.period_s();
+        let periods = (expected / period_s).round();
+        self.anchor(new.period, tow + periods * period_s);
+        Some(expected - periods * period_s)
     }
 
     /// The sample and transmit time of week (s) of the earliest dated measurement.
@@ -120,7 +127,7 @@ impl TrackLog {
         let after = self.anchors.partition_point(|a| a.0 <= period);
         let (origin, tow) = *self.anchors.get(after.saturating_sub(1))?;
         let periods = period as f64 - origin as f64;
-        Some(tow + (periods + fraction) * CA_CODE_PERIOD)
+        Some(tow + (periods + fraction) * self.transmission.signal.period_s())
     }
 
     /// The dated measurement at a sample that was received at `receive_time` by the receiver's clock.
@@ -130,7 +137,7 @@ impl TrackLog {
         let tow = self.tow_s(m.period, m.fraction)?;
         let sent = receive_time.nearest_with_tow(tow.rem_euclid(604_800.0));
         Some(Observation {
-            sv: self.sv,
+            transmission: self.transmission,
             range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
             range_sigma_m: m.quality.code_sigma_m,
             doppler_hz: m.doppler_hz,
@@ -143,7 +150,7 @@ impl TrackLog {
 }
 
 /// The dated measurements of all tracks at one sample; none where there are none. `origin` is the receive time of
-/// sample 0 by the receiver's clock. Of two logs of one satellite the first counts.
+/// sample 0 by the receiver's clock. Of two logs of one transmission the first counts.
 pub fn observation_epoch<'a>(
     logs: impl Iterator<Item = &'a TrackLog>,
     sample: u64,
@@ -153,8 +160,8 @@ pub fn observation_epoch<'a>(
     let receive_time = origin + sample as f64 / rate_hz;
     let mut observations: Vec<Observation> =
         logs.filter_map(|log| log.observation(sample, receive_time)).collect();
-    observations.sort_by_key(|o| o.sv);
-    observations.dedup_by_key(|o| o.sv);
+    observations.sort_by_key(|o| o.transmission);
+    observations.dedup_by_key(|o| o.transmission);
     let sample = sample as f64;
     (!observations.is_empty()).then_some(ObservationEpoch { receive_time, sample, observations })
 }
@@ -176,6 +183,7 @@ pub fn observation_epochs(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gnss::signal::{self, GPS_L1_CA, L1_WAVELENGTH};
     use num_complex::Complex64;
 
     const RATE: f64 = 2.6e6;
@@ -189,10 +197,10 @@ mod tests {
     /// Epochs of a satellite whose code starts at `start` s and whose range shrinks by `speed` m/s.
     fn epochs(start: f64, speed: f64, periods: std::ops::Range<u64>) -> Vec<Epoch> {
         let scale = 1.0 - speed / SPEED_OF_LIGHT;
-        let doppler_hz = speed / crate::gnss::constants::L1_WAVELENGTH;
+        let doppler_hz = speed / L1_WAVELENGTH;
         periods
             .map(|period| {
-                let wait = period as f64 * CA_CODE_PERIOD * scale;
+                let wait = period as f64 * GPS_L1_CA.period_s() * scale;
                 let (start_sample, carrier_cycles) = ((start + wait) * RATE, doppler_hz * wait);
                 Epoch { period, start_sample, carrier_cycles, doppler_hz, prompt: Complex64::ONE }
             })
@@ -203,7 +211,7 @@ mod tests {
     fn pseudoranges_are_receive_time_less_transmit_time() {
         let (start, speed, sent) = (0.4e-3, 600.0, 345_600.0);
         let all = epochs(start, speed, 0..3000);
-        let mut log = TrackLog::new("G03".parse().unwrap());
+        let mut log = TrackLog::new(signal::of("G03".parse().unwrap()));
         // In pieces, as they come.
         log.extend(&all[..777], &QUALITY, &instants());
         log.extend(&all[777..], &QUALITY, &instants());
@@ -223,19 +231,19 @@ mod tests {
             let CodeRange::Pseudorange(range) = o.range else { panic!("a full pseudorange") };
             // A time of week in f64 has 6e-11 s (17 mm).
             assert!((range - expected).abs() < 0.04, "{range} {expected}");
-            let cycles = speed / crate::gnss::constants::L1_WAVELENGTH * (t - start);
+            let cycles = speed / L1_WAVELENGTH * (t - start);
             assert!((o.carrier_phase_cycles.unwrap() + cycles).abs() < 1e-5);
         }
     }
 
     #[test]
     fn a_track_taken_up_again_is_dated_by_the_one_before_and_shows_missing_samples() {
-        let mut before = TrackLog::new("G03".parse().unwrap());
+        let mut before = TrackLog::new(signal::of("G03".parse().unwrap()));
         before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, &instants());
         before.anchor(0, 1000.0);
         // Eight seconds later, with 100 us of samples missing: everything comes earlier by that.
         let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
-        let mut after = TrackLog::new(before.sv);
+        let mut after = TrackLog::new(before.transmission);
         after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, &instants());
         let jump = after.continue_from(&before, RATE).unwrap();
         assert!((jump + 100e-6).abs() < 1e-9, "{jump}");

@@ -46,8 +46,8 @@ fn shows(data: &Path, ms: usize) -> Tested {
     let mut errors = Vec::new();
     for found in &look.found {
         let a = &found.acquisition;
-        let Some(sky) = truth.get(&a.sv.prn().to_string()) else {
-            errors.push(format!("{} is not there: {a:?}", a.sv));
+        let Some(sky) = truth.get(&a.sv().prn().to_string()) else {
+            errors.push(format!("{} is not there: {a:?}", a.sv()));
             continue;
         };
         let number = |key: &str| sky[key].as_f64().unwrap_or(f64::NAN);
@@ -56,15 +56,19 @@ fn shows(data: &Path, ms: usize) -> Tested {
         let hertz = a.doppler_hz - number("doppler_hz");
         println!(
             "{} share {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz",
-            a.sv, found.share, chips, hertz, a.cn0_dbhz
+            a.sv(),
+            found.share,
+            chips,
+            hertz,
+            a.cn0_dbhz
         );
         // Half a bin (a quarter of a chip), and half the inverse of a data bit.
         if !(chips.abs() < 0.25 && hertz.abs() < 25.0) {
-            errors.push(format!("{}: {chips} chips, {hertz} Hz off", a.sv));
+            errors.push(format!("{}: {chips} chips, {hertz} Hz off", a.sv()));
         }
     }
     for (prn, sky) in truth {
-        let seen = look.found.iter().any(|f| f.acquisition.sv.prn().to_string() == *prn);
+        let seen = look.found.iter().any(|f| f.acquisition.sv().prn().to_string() == *prn);
         if !seen && sky["el"].as_f64().is_some_and(|el| el > 5.0) {
             errors.push(format!("PRN {prn} was not found"));
         }

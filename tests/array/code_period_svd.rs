@@ -53,7 +53,7 @@ fn score(look: &CodePeriodLook, truth: &[Truth]) -> (usize, usize) {
             let doppler = f.acquisition.doppler_hz - t.doppler_hz;
             // A quarter of a chip is half a bin. The Doppler comes from the prompts of 20 ms and more: some
             // hertz, or that of the next likely bit pattern, half the inverse of a data bit away.
-            f.acquisition.sv == t.sv && chips.abs() < 0.25 && doppler.abs() < 30.0
+            f.acquisition.sv() == t.sv && chips.abs() < 0.25 && doppler.abs() < 30.0
         })
     });
     let right = right.count();
@@ -92,7 +92,7 @@ fn eight_elements_and_20_ms_at_42_dbhz_show_a_rank_of_8_and_8_satellites() -> Te
             // 42 dB-Hz less 0.63 dB by the map, and up to 0.6 dB in the bins (half a chip wide).
             let cn0 = found.acquisition.cn0_dbhz;
             if !(40.3..42.2).contains(&cn0) {
-                return Err(format!("{} at {cn0} dB-Hz", found.acquisition.sv).into());
+                return Err(format!("{} at {cn0} dB-Hz", found.acquisition.sv()).into());
             }
         }
     }

@@ -9,14 +9,14 @@ use sdr_rx::array::Beam;
 use sdr_rx::array::covariance::covariance;
 use sdr_rx::array::sky::interference::Interference;
 use sdr_rx::capture::Block;
-use sdr_rx::gnss::prn_code::ca_code;
+use sdr_rx::gnss::signal;
 
 const PERIOD: usize = 2048;
 
 /// Mean power of a satellite's prompts over their variance, dB, in one code period of a beam, with data, code
 /// and carrier known.
 fn post_correlation_snr_db(beam: &[Complex32], truth: &Truth) -> f64 {
-    let chips = ca_code(truth.sv);
+    let chips = signal::of(truth.sv).code();
     let prompts: Vec<Complex64> = beam
         .chunks_exact(PERIOD)
         .enumerate()

@@ -7,8 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use sdr_rx::capture::Block;
 use sdr_rx::gnss::Sv;
-use sdr_rx::gnss::constants::{CA_CHIP_RATE, L1_HZ};
-use sdr_rx::gnss::prn_code::ca_code;
+use sdr_rx::gnss::signal;
 use std::f64::consts::{PI, TAU};
 
 /// Sampling rate, Hz.
@@ -46,9 +45,10 @@ pub struct Truth {
 
 impl Truth {
     /// Code (with data) at sample `n`, and its carrier.
-    pub fn at(&self, chips: &[i8; 1023], n: usize) -> (f64, f64) {
+    pub fn at(&self, chips: &[i8], n: usize) -> (f64, f64) {
         let t = n as f64 / RATE_HZ;
-        let phase = self.code_phase_chips + t * CA_CHIP_RATE * (1.0 + self.doppler_hz / L1_HZ);
+        let phase =
+            self.code_phase_chips + t * signal::of(self.sv).clock(self.doppler_hz).chip_rate_hz;
         let bit = ((phase / 1023.0).floor() as i64 + self.bit_edge) / 20;
         let sign = if self.bits >> (bit & 63) & 1 == 0 { 1.0 } else { -1.0 };
         (sign * f64::from(chips[phase as usize % 1023]), TAU * self.doppler_hz * t)
@@ -134,7 +134,7 @@ impl Sky {
         };
         let amplitude = (10f64.powf(self.cn0_dbhz / 10.0) / RATE_HZ).sqrt();
         for t in &truth {
-            let chips = ca_code(t.sv);
+            let chips = signal::of(t.sv).code();
             let wave: Vec<Complex32> = (0..len)
                 .map(|n| {
                     let (code, phase) = t.at(&chips, n);

@@ -4,8 +4,9 @@ use crate::common::{Tested, data};
 use crate::files::FILES;
 use sdr_rx::gnss::Ephemeris;
 use sdr_rx::gnss::format::rinex_nav;
-use sdr_rx::gnss::message::lnav::{FrameDecoder, NavigationCollector, Update};
+use sdr_rx::gnss::message::lnav::FrameDecoder;
 use sdr_rx::gnss::message::lnav::{Header, Message, Subframe1, encode_subframe};
+use sdr_rx::gnss::message::{MessageDecoder, NavigationCollector, Update};
 
 #[test]
 fn every_broadcast_ephemeris_survives_the_signal() -> Tested {
@@ -34,8 +35,8 @@ fn through_the_signal(eph: &Ephemeris) -> Result<(), String> {
     let mut push = |bit: f32| {
         let found = decoder.push(-bit, index);
         index += 1;
-        if let Some(subframe) = found {
-            updates.extend(collector.add(eph.sv, &subframe));
+        if let Some(page) = found {
+            updates.extend(collector.add(eph.sv, &page.content));
         }
     };
     [1.0, -1.0, 1.0].into_iter().for_each(&mut push);

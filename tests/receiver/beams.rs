@@ -7,8 +7,8 @@ use num_complex::Complex64;
 use sdr_rx::acquisition::{Refined, SearchOptions};
 use sdr_rx::array::{Beam, BeamKind, Manifold};
 use sdr_rx::capture::SampleSource;
-use sdr_rx::gnss::Sv;
 use sdr_rx::gnss::antenna::{AntennaArray, ArrayDescription};
+use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::receiver::{self, ReceiverOptions};
 use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use serde_json::Value;
@@ -31,7 +31,7 @@ fn beams_follow_satellites_that_cross_the_sky() -> Tested {
         array: source.info().array.clone(),
         navigation: made.navigation()?,
         search: SearchOptions {
-            satellites: source.satellites().collect(),
+            satellites: source.satellites().map(signal::of).collect(),
             doppler_hz: (-40e3, 40e3),
             doppler_rate_hz_s: 600.0,
             ..SearchOptions::default()
@@ -50,7 +50,7 @@ fn beams_follow_satellites_that_cross_the_sky() -> Tested {
         let cn0 = |sample: u64| {
             let epoch =
                 outcome.epochs.iter().find(|e| (e.sample - sample as f64).abs() < 0.1 * rate_hz)?;
-            Some(epoch.observations.iter().find(|o| o.sv == begin.sv)?.cn0_dbhz)
+            Some(epoch.observations.iter().find(|o| o.sv() == begin.sv)?.cn0_dbhz)
         };
         let (Some(before), Some(after)) = (cn0(first.sample), cn0(last.sample)) else {
             return Err(format!("{} was not tracked", begin.sv).into());
@@ -91,7 +91,7 @@ fn least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer() -> Tested {
         let time = source.info().start_time;
         let options = ReceiverOptions { time, beams, ..ReceiverOptions::default() };
         let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
-        let row = |r: &Refined| (r.acquisition.sv, r.acquisition.cn0_dbhz);
+        let row = |r: &Refined| (r.acquisition.sv(), r.acquisition.cn0_dbhz);
         Ok(outcome.acquisitions.iter().map(row).collect())
     };
     let (matched, least) = (found(BeamKind::Conventional)?, found(BeamKind::Mvdr)?);

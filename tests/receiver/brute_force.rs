@@ -2,8 +2,8 @@
 //! receiver's, apart from the table of C/A codes.
 
 use num_complex::{Complex32, Complex64};
-use sdr_rx::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
-use sdr_rx::gnss::{Sv, prn_code::ca_code};
+use sdr_rx::gnss::signal::{GPS_L1_CA, L1_CENTRE_HZ};
+use sdr_rx::gnss::{Sv, signal};
 use std::f64::consts::TAU;
 
 /// Code periods summed coherently.
@@ -29,7 +29,7 @@ impl Signal {
     /// Doppler of a satellite whose codes start `offset_s` after the first sample: the greatest power
     /// of sums over 10 ms. Even or odd blocks of 10 ms hold no edge of a data bit: the better half counts.
     pub fn doppler(&self, sv: Sv, offset_s: f64) -> Peak {
-        let code = ca_code(sv).map(f32::from);
+        let code = signal::of(sv).code().iter().map(|&c| f32::from(c)).collect::<Vec<f32>>();
         let around = |ms: usize, list: &mut dyn Iterator<Item = f64>| {
             let power = |f: f64| block_power(&self.prompts(&code, offset_s, f, ms), 0.0);
             list.map(|f| (f, power(f)))
@@ -58,9 +58,10 @@ impl Signal {
         doppler_hz: f64,
         count: usize,
     ) -> Vec<Complex64> {
-        let chip_rate = CA_CHIP_RATE * (1.0 + doppler_hz / L1_HZ);
+        let chip_rate = GPS_L1_CA.chip_rate_hz * (1.0 + doppler_hz / L1_CENTRE_HZ);
         let turn = Complex64::cis(-TAU * (self.if_hz + doppler_hz) / self.rate_hz);
-        let period = |k: usize| (offset_s + (k * CA_CODE_LENGTH) as f64 / chip_rate) * self.rate_hz;
+        let period =
+            |k: usize| (offset_s + (k * GPS_L1_CA.chips) as f64 / chip_rate) * self.rate_hz;
         let step = chip_rate / self.rate_hz;
         (0..count)
             .take_while(|&k| period(k + 1) < self.samples.len() as f64)
@@ -71,7 +72,7 @@ impl Signal {
                 let mut chips = (first as f64 - period(k)) * step;
                 let mut sum = Complex64::ZERO;
                 for sample in &self.samples[first..last] {
-                    let chip = f64::from(code[(chips as usize).min(CA_CODE_LENGTH - 1)]);
+                    let chip = f64::from(code[(chips as usize).min(GPS_L1_CA.chips - 1)]);
                     sum += Complex64::new(sample.re.into(), sample.im.into()) * carrier * chip;
                     carrier *= turn;
                     chips += step;

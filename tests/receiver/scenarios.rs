@@ -3,7 +3,8 @@
 
 use crate::common::{Failed, Tested};
 use crate::program::{median, run, vector};
-use sdr_rx::gnss::constants::{CA_CHIP_RATE, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
+use sdr_rx::gnss::signal::{GPS_L1_CA, L1_WAVELENGTH};
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -59,7 +60,7 @@ fn compared(name: &str) -> Result<Vec<Compared>, Failed> {
 /// Jitter of a delay-locked loop, m (Kaplan & Hegarty, 3rd ed., eq. 8.93, spacing 2 x 0.25 chips).
 fn code_sigma_m(bandwidth_hz: f64, cn0_dbhz: f64) -> f64 {
     (bandwidth_hz * 0.5 / (2.0 * 10f64.powf(cn0_dbhz / 10.0))).sqrt() * SPEED_OF_LIGHT
-        / CA_CHIP_RATE
+        / GPS_L1_CA.chip_rate_hz
 }
 
 /// Jitter of a frequency estimate, m/s (Kaplan & Hegarty, 3rd ed., eq. 8.84, 10 ms).

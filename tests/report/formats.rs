@@ -165,7 +165,7 @@ fn tables_say_what_was_found() -> Tested {
     assert!(fixes.contains("35.68129") && fixes.contains("north +2.000"), "{fixes}");
     let sky = report::sky_text(&report::sky(&run));
     for o in &scene.epochs[0].observations {
-        assert!(sky.contains(&o.sv.to_string()[1..]), "{} in\n{sky}", o.sv);
+        assert!(sky.contains(&o.sv().to_string()[1..]), "{} in\n{sky}", o.sv());
     }
     let none = report::Run { fixes: &[], reason: Some("too short"), ..run };
     assert_eq!(report::fix_table(&none), "no fix: too short\n");

@@ -4,11 +4,12 @@ use crate::common::Failed;
 use nalgebra::{Matrix4, Vector3};
 use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;
-use sdr_rx::gnss::constants::{L1_HZ, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx::gnss::coordinates::azimuth_elevation;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::orbit::Propagation;
+use sdr_rx::gnss::signal::{self, L1_CENTRE_HZ, L1_WAVELENGTH};
 use sdr_rx::gnss::{GpsTime, NavigationData, Sv};
 use sdr_rx::position::{Fix, FixMethod, Residual};
 use sdr_rx::report::{Input, Run};
@@ -37,7 +38,7 @@ impl Scene {
         let epochs: Vec<_> = (0..EPOCHS).map(|k| epoch(&navigation, start + k as f64, k)).collect();
         let fixes = epochs.iter().map(|e| fix(&navigation, e)).collect();
         let acquisition = |o: &Observation| Acquisition {
-            sv: o.sv,
+            transmission: o.transmission,
             doppler_hz: o.doppler_hz,
             code_phase_chips: 511.5,
             cn0_dbhz: o.cn0_dbhz,
@@ -88,9 +89,9 @@ fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpo
         let metres = p.range_m - SPEED_OF_LIGHT * p.satellite.clock_bias_s;
         let sight = (p.satellite.position_m - PLACE) / p.range_m;
         let doppler_hz = -sight.dot(&p.satellite.velocity_mps) / L1_WAVELENGTH
-            + L1_HZ * p.satellite.clock_drift_sps;
+            + L1_CENTRE_HZ * p.satellite.clock_drift_sps;
         (elevation > 0.26).then_some(Observation {
-            sv,
+            transmission: signal::of(sv),
             range: CodeRange::Pseudorange(metres),
             range_sigma_m: 1.0,
             doppler_hz,
@@ -107,10 +108,10 @@ fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpo
 /// A fix at the true place, a metre off to the east or west by turns.
 fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
     let residual = |o: &Observation| {
-        let eph = navigation.ephemeris(o.sv, epoch.receive_time)?;
+        let eph = navigation.ephemeris(o.sv(), epoch.receive_time)?;
         let p = Propagation::solve(eph, &PLACE, epoch.receive_time);
         let (azimuth, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
-        Some(Residual { sv: o.sv, range_m: 0.5, doppler_hz: 0.1, azimuth, elevation })
+        Some(Residual { sv: o.sv(), range_m: 0.5, doppler_hz: 0.1, azimuth, elevation })
     };
     let side = if (epoch.sample as u64 / RATE_HZ as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
     let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&PLACE).ecef_to_enu();

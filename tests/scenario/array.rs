@@ -6,7 +6,7 @@ use crate::common::{Failed, Tested, data};
 use num_complex::{Complex32, Complex64};
 use sdr_rx::capture::{self, Block, Datatype, OpenOptions, SampleSource, SigmfWriter};
 use sdr_rx::gnss::Sv;
-use sdr_rx::gnss::constants::L1_WAVELENGTH;
+use sdr_rx::gnss::signal::L1_WAVELENGTH;
 use sdr_rx::scenario::{FrontEnd, Scenario, ScenarioSource};
 use std::f64::consts::TAU;
 

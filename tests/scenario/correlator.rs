@@ -1,7 +1,7 @@
 //! An open-loop correlator that measures a capture against the truth of a scenario.
 
 use num_complex::{Complex32, Complex64};
-use sdr_rx::gnss::{Sv, prn_code::ca_code};
+use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::scenario::{SatelliteTruth, ScenarioSource};
 use std::f64::consts::{PI, TAU};
 
@@ -39,7 +39,7 @@ fn truth_of(source: &ScenarioSource, sv: Sv, sample: u64) -> SatelliteTruth {
 /// Correlates whole code periods of `samples` (baseband, at the source's rate) with replicas that follow
 /// the source's truth, anew every 20 periods.
 pub fn periods(source: &ScenarioSource, samples: &[Complex32], rate: f64, sv: Sv) -> Vec<Period> {
-    let code = ca_code(sv).map(f64::from);
+    let code = signal::of(sv).code().iter().map(|&c| f64::from(c)).collect::<Vec<f64>>();
     let mut list = Vec::new();
     let mut sample = 0u64;
     while sample + (0.025 * rate) as u64 <= samples.len() as u64 {

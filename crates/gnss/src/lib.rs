@@ -12,9 +12,9 @@ pub mod message;
 pub mod navigation_data;
 pub mod observation;
 pub mod orbit;
-pub mod prn_code;
 pub mod random;
 pub mod satellite;
+pub mod signal;
 pub mod time;
 
 pub use format::ReadError;
@@ -22,9 +22,10 @@ pub use navigation_data::NavigationData;
 pub use orbit::Orbit;
 pub use orbit::broadcast::{Ephemeris, SatelliteState};
 pub use satellite::{Constellation, Sv};
+pub use signal::{Signal, Transmission};
 pub use time::GpsTime;
 
-/// Physical and system constants, each with unit and source.
+/// Physical constants, each with unit and source.
 pub mod constants {
     /// Speed of light in vacuum, m/s (exact, SI; IS-GPS-200N 20.3.4.3).
     pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
@@ -40,18 +41,6 @@ pub mod constants {
     pub const GPS_PI: f64 = 3.141_592_653_589_8;
     /// Relativistic clock constant F = -2 sqrt(mu)/c^2, s/sqrt(m) (IS-GPS-200N 20.3.3.3.3.1).
     pub const RELATIVISTIC_F: f64 = -4.442_807_633e-10;
-    /// GPS L1 carrier, Hz (IS-GPS-200N 3.3.1.1).
-    pub const L1_HZ: f64 = 1_575.42e6;
-    /// GPS L1 wavelength, m.
-    pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_HZ;
-    /// C/A chip rate, chips/s (IS-GPS-200N 3.3.2.3).
-    pub const CA_CHIP_RATE: f64 = 1.023e6;
-    /// Length of the C/A code, chips (IS-GPS-200N 3.3.2.3).
-    pub const CA_CODE_LENGTH: usize = 1023;
-    /// Period of the C/A code, s.
-    pub const CA_CODE_PERIOD: f64 = 1e-3;
-    /// Carrier cycles in one C/A chip: L1 over the chip rate (exact).
-    pub const CYCLES_PER_CHIP: f64 = 1540.0;
     /// Mean radius of the Earth used for cold starts, m (`psi` of Morichi et al. 2026).
     pub const EARTH_RADIUS: f64 = 6.371e6;
     /// WGS 84 semi-major axis, m (NGA.STND.0036).
@@ -65,11 +54,6 @@ pub mod constants {
 
         #[test]
         fn derived_constants_agree_with_their_definitions() {
-            let f0 = 10.23e6;
-            assert_eq!(L1_HZ, 154.0 * f0);
-            assert_eq!(CA_CHIP_RATE, f0 / 10.0);
-            assert_eq!(CYCLES_PER_CHIP, L1_HZ / CA_CHIP_RATE);
-            assert_eq!(CA_CODE_PERIOD, CA_CODE_LENGTH as f64 / CA_CHIP_RATE);
             // Printed to ten digits in IS-GPS-200N.
             assert!(
                 (RELATIVISTIC_F + 2.0 * MU_EARTH.sqrt() / SPEED_OF_LIGHT.powi(2)).abs() < 5e-20

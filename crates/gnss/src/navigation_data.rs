@@ -72,7 +72,7 @@ impl NavigationData {
     /// [`NoOrbit`] says why there is none.
     pub fn orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
         let (nearest, in_force) = (self.nearest(sv, t), self.ephemeris(sv, t));
-        if let Some(e) = in_force.filter(|e| e.health != 0) {
+        if let Some(e) = in_force.filter(|e| !e.is_healthy()) {
             return Err(NoOrbit::Unhealthy(e.health));
         }
         let precise = self.precise.get(&sv).and_then(|p| p.arc(t, nearest.map(|e| e.tgd)));
@@ -129,5 +129,17 @@ mod tests {
         assert_eq!(data.ephemeris(first.sv, first.toe + 3700.0).unwrap().iode, 40);
         assert!(data.ephemeris(first.sv, first.toe + 86_400.0).is_none());
         assert_eq!(data.nearest(first.sv, first.toe + 86_400.0), Some(&second));
+    }
+
+    #[test]
+    fn the_lowest_bit_of_health_makes_no_satellite_of_qzss_unhealthy() {
+        for (name, health, is_good) in
+            [("G01", 0, true), ("G01", 1, false), ("J02", 1, true), ("J02", 0b10_0000, false)]
+        {
+            let sv = name.parse().unwrap();
+            let mut data = NavigationData::default();
+            data.insert(Ephemeris { sv, health, ..sample_ephemeris() });
+            assert_eq!(data.orbit(sv, sample_ephemeris().toe).is_ok(), is_good, "{name} {health}");
+        }
     }
 }

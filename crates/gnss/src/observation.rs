@@ -1,27 +1,27 @@
 //! What the receiver measured of each satellite at one instant.
 
-use crate::{GpsTime, Sv};
+use crate::constants::SPEED_OF_LIGHT;
+use crate::{GpsTime, Sv, Transmission};
 
 /// A measured code range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CodeRange {
     /// Full pseudorange c (t_receive - t_transmit), m.
     Pseudorange(f64),
-    /// Pseudorange modulo one code period (c x 1 ms = 299 792.458 m), m, from a snapshot without its
-    /// navigation message.
+    /// Pseudorange modulo [`Observation::code_period_m`], m, from a snapshot without its navigation message.
     ModuloCodePeriod(f64),
 }
 
-/// The measurements of one satellite.
+/// The measurements of one signal of one satellite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observation {
-    /// The satellite.
-    pub sv: Sv,
+    /// The satellite and its signal.
+    pub transmission: Transmission,
     /// Code range.
     pub range: CodeRange,
     /// Standard deviation of the code range by thermal noise, m.
     pub range_sigma_m: f64,
-    /// Doppler of the L1 carrier, Hz, positive when the satellite approaches (range rate = -lambda D); NaN
+    /// Doppler of the carrier, Hz, positive when the satellite approaches (range rate = -lambda D); NaN
     /// where none was measured, as the code range may be.
     pub doppler_hz: f64,
     /// Standard deviation of the Doppler, Hz.
@@ -34,6 +34,18 @@ pub struct Observation {
     pub cn0_dbhz: f64,
 }
 
+impl Observation {
+    /// The satellite.
+    pub fn sv(&self) -> Sv {
+        self.transmission.sv
+    }
+
+    /// What the code's period is as a range, m: 299 792.458 m of a C/A code.
+    pub fn code_period_m(&self) -> f64 {
+        SPEED_OF_LIGHT * self.transmission.signal.period_s()
+    }
+}
+
 /// The observations of all satellites at one receive instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationEpoch {
@@ -42,7 +54,7 @@ pub struct ObservationEpoch {
     pub receive_time: GpsTime,
     /// The same instant as an index of samples from the start of the stream (may be fractional).
     pub sample: f64,
-    /// One observation per satellite, in the order of [`Sv`].
+    /// One observation per transmission, in their order.
     pub observations: Vec<Observation>,
 }
 

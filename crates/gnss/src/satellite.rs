@@ -1,64 +1,98 @@
 //! Satellite identities.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// A system that transmits an L1 C/A code.
+/// A satellite system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Constellation {
-    /// GPS, PRN 1 to 32, RINEX letter G.
+    /// GPS, G01 to G32.
     Gps,
-    /// QZSS, PRN 193 to 202, RINEX letter J and PRN - 192.
+    /// QZSS, J01 to J10: PRN 193 to 202.
     Qzss,
-    /// SBAS, PRN 120 to 138, RINEX letter S and PRN - 100.
+    /// SBAS, S20 to S58: PRN 120 to 158.
     Sbas,
 }
 
-/// A satellite vehicle, by the PRN number of its C/A code.
+impl Constellation {
+    /// All systems, in the order in which their satellites are listed.
+    pub const ALL: [Self; 3] = [Self::Gps, Self::Qzss, Self::Sbas];
+
+    /// Its letter in RINEX, the numbers of its satellites there, and what is added to them to give the PRN
+    /// number (RINEX 3.04 section 3.5).
+    fn naming(self) -> (char, RangeInclusive<u8>, u8) {
+        match self {
+            Self::Gps => ('G', 1..=32, 0),
+            Self::Qzss => ('J', 1..=10, 192),
+            Self::Sbas => ('S', 20..=58, 100),
+        }
+    }
+
+    /// Its letter in RINEX.
+    pub fn letter(self) -> char {
+        self.naming().0
+    }
+}
+
+/// A satellite, by its system and its number there. In the order of systems, then of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Sv(u8);
+pub struct Sv {
+    constellation: Constellation,
+    number: u8,
+}
 
 impl Sv {
-    /// All GPS satellites, PRN 1 to 32.
+    /// The satellite of this number, if the system has one.
+    pub fn new(constellation: Constellation, number: u8) -> Option<Self> {
+        constellation.naming().1.contains(&number).then_some(Self { constellation, number })
+    }
+
+    /// All satellites of a system.
+    pub fn all(constellation: Constellation) -> impl Iterator<Item = Self> {
+        constellation.naming().1.map(move |number| Self { constellation, number })
+    }
+
+    /// All GPS satellites.
     pub fn all_gps() -> impl Iterator<Item = Self> {
-        (1..=32).map(Self)
+        Self::all(Constellation::Gps)
     }
 
-    /// The satellite with this PRN number, if one with a C/A code exists.
+    /// The satellite with this PRN number of a C/A code: 1 to 32 GPS, 120 to 158 SBAS, 193 to 202 QZSS.
     pub fn from_prn(prn: u8) -> Option<Self> {
-        matches!(prn, 1..=32 | 120..=138 | 193..=202).then_some(Self(prn))
+        let of = |constellation: Constellation| {
+            Self::new(constellation, prn.checked_sub(constellation.naming().2)?)
+        };
+        Constellation::ALL.into_iter().find_map(of)
     }
 
-    /// PRN number of the C/A code: 1-32 GPS, 120-138 SBAS, 193-202 QZSS.
+    /// PRN number of its code, as its interface specification counts.
     pub fn prn(self) -> u8 {
-        self.0
+        self.number + self.constellation.naming().2
+    }
+
+    /// Its number in RINEX: 2 of J02.
+    pub fn number(self) -> u8 {
+        self.number
     }
 
     /// The system that the satellite belongs to.
     pub fn constellation(self) -> Constellation {
-        match self.0 {
-            1..=32 => Constellation::Gps,
-            120..=138 => Constellation::Sbas,
-            _ => Constellation::Qzss,
-        }
+        self.constellation
     }
 }
 
 /// RINEX name: `G07`, `J02` (PRN 194), `S20` (PRN 120).
 impl fmt::Display for Sv {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.constellation() {
-            Constellation::Gps => write!(f, "G{:02}", self.0),
-            Constellation::Qzss => write!(f, "J{:02}", self.0 - 192),
-            Constellation::Sbas => write!(f, "S{:02}", self.0 - 100),
-        }
+        write!(f, "{}{:02}", self.constellation.letter(), self.number)
     }
 }
 
 /// Why a text names no satellite.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error(
-    "'{0}' names no satellite with a C/A code: G01-G32, J01-J10 (or J193-J202), S20-S38 (or S120-S138), or a bare PRN number"
+    "'{0}' names no satellite: G01-G32, J01-J10 (or J193-J202), S20-S58 (or S120-S158), or a bare PRN number"
 )]
 pub struct ParseSvError(String);
 
@@ -72,16 +106,15 @@ impl FromStr for Sv {
             return Err(fail());
         }
         let number: u8 = digits.parse().map_err(|_| fail())?;
-        let prn = match &text[..text.len() - digits.len()] {
-            "" => Some(number),
-            "G" | "g" => (1..=32).contains(&number).then_some(number),
-            "J" | "j" if number <= 10 => number.checked_add(192).filter(|_| number > 0),
-            "J" | "j" => (193..=202).contains(&number).then_some(number),
-            "S" | "s" if number < 100 => Some(number + 100),
-            "S" | "s" => (120..=138).contains(&number).then_some(number),
-            _ => None,
+        let letter = text[..text.len() - digits.len()].to_ascii_uppercase();
+        let named = |c: &Constellation| letter.chars().eq([c.letter()]);
+        let sv = match Constellation::ALL.into_iter().find(named) {
+            Some(c) => Self::new(c, number)
+                .or_else(|| Self::from_prn(number).filter(|sv| sv.constellation == c)),
+            None if letter.is_empty() => Self::from_prn(number),
+            None => None,
         };
-        prn.and_then(Self::from_prn).ok_or_else(fail)
+        sv.ok_or_else(fail)
     }
 }
 
@@ -93,10 +126,11 @@ pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
             Some((a, b)) => (a.parse::<Sv>()?, b.parse::<Sv>()?),
             None => (item.parse::<Sv>()?, item.parse::<Sv>()?),
         };
-        if last < first || first.constellation() != last.constellation() {
+        if last < first || first.constellation != last.constellation {
             return Err(ParseSvError(item.to_owned()));
         }
-        for sv in (first.0..=last.0).map(Sv) {
+        for number in first.number..=last.number {
+            let sv = Sv { number, ..first };
             if !list.contains(&sv) {
                 list.push(sv);
             }
@@ -129,7 +163,7 @@ mod tests {
             ("J194", 194, "J02"),
             ("J02", 194, "J02"),
             ("S20", 120, "S20"),
-            ("S138", 138, "S38"),
+            ("S158", 158, "S58"),
         ] {
             let sv: Sv = text.parse().unwrap();
             assert_eq!((sv.prn(), sv.to_string().as_str()), (prn, name));

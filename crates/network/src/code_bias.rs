@@ -16,6 +16,7 @@
 
 use super::{LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector};
+use sdr_rx_gnss::signal::L1_CENTRE_HZ;
 
 /// Standard deviation of a code observation at the zenith where nothing else is known, m.
 pub const ZENITH_SIGMA_M: f64 = 0.20;
@@ -29,9 +30,9 @@ pub struct Carriers {
 
 impl Carriers {
     /// GPS and QZSS L1, L2, L5 (IS-GPS-200N 3.3.1.1, IS-GPS-705J 3.3.1.1, IS-QZSS-PNT-005 table 3.1.1-1).
-    pub const GPS: Self = Self { frequencies_hz: [1_575.42e6, 1_227.60e6, 1_176.45e6] };
+    pub const GPS: Self = Self { frequencies_hz: [L1_CENTRE_HZ, 1_227.60e6, 1_176.45e6] };
     /// Galileo E1, E5a, E5b (Galileo OS SIS ICD 2.1, table 2).
-    pub const GALILEO: Self = Self { frequencies_hz: [1_575.42e6, 1_176.45e6, 1_207.14e6] };
+    pub const GALILEO: Self = Self { frequencies_hz: [L1_CENTRE_HZ, 1_176.45e6, 1_207.14e6] };
 
     /// The factors of the three pseudoranges in y_3 - IF - mu_3 GF. They add to zero, and so do their products
     /// with mu_j.

@@ -135,7 +135,7 @@ impl Adjusted<'_> {
             satellites: self.used.len(),
             cost: self.cost,
             threshold: chi_square_limit(self.redundancy.max(1)),
-            suspect: worst.map(|row| self.used[row.satellite].observation.sv),
+            suspect: worst.map(|row| self.used[row.satellite].observation.sv()),
         }
     }
 }

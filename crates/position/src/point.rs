@@ -17,7 +17,7 @@ use super::solver::outcome::Step;
 use super::velocity::motion;
 use super::{Fix, FixMethod, PositioningOptions, Residual};
 use nalgebra::{Matrix4, Vector3};
-use sdr_rx_gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
 
@@ -86,10 +86,11 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
         let (sighting, sight) = (&point.used[k], &point.sights[k]);
         let code = point.rows.iter().find(|r| r.satellite == k && r.clock == BIAS);
         Residual {
-            sv: sighting.observation.sv,
+            sv: sighting.observation.sv(),
             range_m: code.map_or(f64::NAN, |row| row.residual),
             doppler_hz: moving.map_or(f64::NAN, |(velocity, drift)| {
-                sighting.observation.doppler_hz + sight.range_rate(&velocity, drift) / L1_WAVELENGTH
+                let wavelength_m = sighting.observation.transmission.wavelength_m();
+                sighting.observation.doppler_hz + sight.range_rate(&velocity, drift) / wavelength_m
             }),
             azimuth: sight.azimuth,
             elevation: sight.elevation,
@@ -101,7 +102,7 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
         weights.all(|(_, &weight)| weight == 0.0)
     };
     let (rejected, used): (Vec<_>, Vec<_>) = (0..point.used.len()).partition(weightless);
-    excluded.extend(rejected.iter().map(|&k| point.used[k].observation.sv));
+    excluded.extend(rejected.iter().map(|&k| point.used[k].observation.sv()));
     excluded.sort();
     let covariance: Matrix4<f64> = point.covariance.fixed_view::<4, 4>(0, 0).into_owned();
     let mut covariance = point.geometry.local(&covariance);
@@ -178,7 +179,7 @@ impl<'a> PointSolver<'a, '_> {
                 })
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match best {
-                Some((k, _)) => excluded.push(set.remove(k).observation.sv),
+                Some((k, _)) => excluded.push(set.remove(k).observation.sv()),
                 None => return Err(error.clone()),
             }
         }
@@ -221,7 +222,7 @@ impl<'a> PointSolver<'a, '_> {
         }
         if above.len() < 4 {
             let dropped = below.iter().map(|(sighting, sight)| Dropped {
-                sv: sighting.observation.sv,
+                sv: sighting.observation.sv(),
                 reason: DropReason::BelowMask(sight.elevation),
             });
             return Err(PositioningError::TooFewSatellites {

@@ -33,8 +33,8 @@ pub(super) fn select_by<'a>(
     let mut usable: Vec<Sighting> = Vec::new();
     let mut dropped = Vec::new();
     for observation in &epoch.observations {
-        let sv = observation.sv;
-        let sighting = if usable.iter().any(|s| s.observation.sv == sv) {
+        let sv = observation.sv();
+        let sighting = if usable.iter().any(|s| s.observation.sv() == sv) {
             Err(DropReason::Duplicate)
         } else {
             make(observation)

@@ -4,7 +4,7 @@
 use super::PositioningOptions;
 use super::error::DropReason;
 use nalgebra::Vector3;
-use sdr_rx_gnss::constants::{L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::{MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
 use sdr_rx_gnss::observation::Observation;
 use sdr_rx_gnss::orbit::Propagation;
@@ -147,7 +147,7 @@ impl<'a> Sighting<'a> {
         if !range_m.is_finite() || !positive(observation.range_sigma_m) {
             return Err(DropReason::NotANumber);
         }
-        let orbit = nav.orbit(observation.sv, t)?;
+        let orbit = nav.orbit(observation.sv(), t)?;
         Ok(Self { observation, orbit, range_m })
     }
 
@@ -157,7 +157,7 @@ impl<'a> Sighting<'a> {
         t: GpsTime,
         nav: &'a NavigationData,
     ) -> Result<Self, DropReason> {
-        let orbit = nav.orbit(observation.sv, t)?;
+        let orbit = nav.orbit(observation.sv(), t)?;
         let sighting = Self { observation, orbit, range_m: f64::NAN };
         sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
     }
@@ -165,8 +165,10 @@ impl<'a> Sighting<'a> {
     /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
     pub fn range_rate(&self) -> Option<(f64, f64)> {
         let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);
-        (doppler.is_finite() && sigma.is_finite() && sigma > 0.0)
-            .then_some((-L1_WAVELENGTH * doppler, L1_WAVELENGTH * sigma))
+        (doppler.is_finite() && sigma.is_finite() && sigma > 0.0).then(|| {
+            let wavelength_m = self.observation.transmission.wavelength_m();
+            (-wavelength_m * doppler, wavelength_m * sigma)
+        })
     }
 }
 

@@ -49,7 +49,7 @@ pub fn solve_static(
     for (k, epoch) in epochs.iter().enumerate() {
         match solve_observed(epoch, nav, options, &mut |step| trace(k, step)) {
             Ok(fix) => {
-                let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv);
+                let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv());
                 let mut set = sightings(epoch, nav, options.observable)?;
                 set.retain(used);
                 let place = fix.position_m;
@@ -155,7 +155,7 @@ impl<'a> Normal<'a> {
                 self.matrix += weighted * design.transpose();
                 self.right += weighted * (row.residual - offset);
                 self.noise += weighted * weighted.transpose() * row.noise.powi(2);
-                let sv = set[row.satellite].observation.sv;
+                let sv = set[row.satellite].observation.sv();
                 *self.satellites.entry((sv, clock)).or_default() += weighted * row.model;
             }
         }

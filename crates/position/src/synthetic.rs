@@ -3,11 +3,12 @@
 use super::PositioningOptions;
 use nalgebra::Vector3;
 use sdr_rx_gnss::atmosphere::Klobuchar;
-use sdr_rx_gnss::constants::{L1_WAVELENGTH, MU_EARTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::{MU_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::orbit::Propagation;
 use sdr_rx_gnss::orbit::broadcast::sample_ephemeris;
+use sdr_rx_gnss::signal::{self, L1_WAVELENGTH};
 use sdr_rx_gnss::{Ephemeris, GpsTime, NavigationData, Sv};
 
 /// GPS-like Walker 30/6/1 with the orbit shape and corrections of a real ephemeris.
@@ -90,7 +91,7 @@ impl Truth {
             };
             let change = carrier(0.5) - carrier(-0.5);
             let observation = Observation {
-                sv: ephemeris.sv,
+                transmission: signal::of(ephemeris.sv),
                 range: CodeRange::Pseudorange(self.pseudorange(ephemeris, 0.0) + delay_m),
                 range_sigma_m: 1.0,
                 doppler_hz: -change / (1.0 + self.drift_sps) / L1_WAVELENGTH,

@@ -2,7 +2,6 @@
 
 use crate::array::CMat;
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, L1_HZ};
 use num_complex::Complex64;
 
 /// Prompts of a satellite, one row per channel and one column per whole code period among the samples
@@ -15,10 +14,9 @@ pub fn despread(
     (doppler_hz, code_phase_chips): (f64, f64),
     table: &CodeTable,
 ) -> CMat {
-    let code_rate = CA_CHIP_RATE * (1.0 + doppler_hz / L1_HZ);
-    let period = CA_CODE_LENGTH as f64 / code_rate * rate_hz;
-    let chips_to_start = (CA_CODE_LENGTH as f64 - code_phase_chips) % CA_CODE_LENGTH as f64;
-    let first = start as f64 + chips_to_start / code_rate * rate_hz;
+    let clock = table.transmission().clock(doppler_hz);
+    let period = clock.period_samples(rate_hz);
+    let first = start as f64 + clock.seconds_to_start(code_phase_chips) * rate_hz;
     let count = ((end as f64 - first) / period).floor().max(0.0) as usize;
     let step = doppler_hz / rate_hz;
     CMat::from_fn(channels.len(), count, |channel, k| {

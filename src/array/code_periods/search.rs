@@ -20,13 +20,11 @@
 //! spares the second one 21 r, and, from a share of 0.2 on, all others 21.
 
 use super::svd::{CodePeriodSvd, CodePeriods, add_product, product};
-use crate::acquisition::search::{add_power, multiply, phasor};
+use crate::acquisition::search::{add_power, multiply, phasor, searched_signal};
 use crate::acquisition::{Acquisition, AcquisitionError};
 use crate::array::{CMat, Signature};
 use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
-use crate::gnss::Sv;
-use crate::gnss::constants::{CA_CHIP_RATE, CA_CODE_LENGTH, CA_CODE_PERIOD, CYCLES_PER_CHIP};
-use crate::gnss::prn_code::ca_code;
+use crate::gnss::{Signal, Sv, Transmission, signal};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx_linalg::{Fft, forward_transform, hermitian_eigen, inverse_transform};
@@ -45,16 +43,14 @@ const NEARLY: f64 = 0.75;
 const LEAST_LEFT: f64 = 0.8;
 /// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom law.
 const RANK_FALSE_ALARM: f64 = 2.5e-5;
-/// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites takes every other.
-const DOPPLER_STEP_HZ: f64 = 500.0;
 /// Vectors that the pass for strong satellites looks at, where signals are not more.
 const STRONG_COMPONENTS: usize = 8;
 
 /// What to search.
 #[derive(Clone, Debug)]
 pub struct CodePeriodOptions {
-    /// Satellites.
-    pub satellites: Vec<Sv>,
+    /// Satellites and their signals, of one code length and chip rate.
+    pub satellites: Vec<Transmission>,
     /// Greatest Doppler, Hz.
     pub most_doppler_hz: f64,
     /// Code periods used, at most 1024 over the number of elements.
@@ -70,7 +66,7 @@ impl CodePeriodOptions {
     /// more than 50 ms 24.
     pub fn new(elements: usize, periods: usize) -> Self {
         Self {
-            satellites: Sv::all_gps().collect(),
+            satellites: Sv::all_gps().map(signal::of).collect(),
             most_doppler_hz: 5000.0,
             periods,
             components: if elements == 1 && periods > 50 { 24 } else { 16 },
@@ -111,7 +107,7 @@ pub struct CodePeriodLook {
 /// A cell of greatest share.
 #[derive(Clone, Copy)]
 struct Cell {
-    sv: Sv,
+    transmission: Transmission,
     share: f64,
     doppler_hz: f64,
     delay_bins: f64,
@@ -126,9 +122,9 @@ pub fn search_code_periods(
     options: &CodePeriodOptions,
 ) -> Result<CodePeriodLook, AcquisitionError> {
     let samples = channels.first().map_or(0, |c| c.len());
-    let need = (rate_hz * CA_CODE_PERIOD).ceil() as usize;
+    let signal = searched_signal(&options.satellites, rate_hz)?;
+    let need = (rate_hz * signal.period_s()).ceil() as usize;
     let reason = match () {
-        _ if options.satellites.is_empty() => Some("no satellite is asked for"),
         _ if !(0.0..=0.5 * rate_hz).contains(&options.most_doppler_hz) => {
             Some("the Doppler interval must lie in the sampled band")
         }
@@ -142,16 +138,13 @@ pub fn search_code_periods(
     if let Some(reason) = reason {
         return Err(AcquisitionError::Options(reason));
     }
-    if !rate_hz.is_finite() || rate_hz < CA_CHIP_RATE {
-        return Err(AcquisitionError::Rate(rate_hz));
-    }
     if samples < need || options.periods == 0 {
         return Err(AcquisitionError::TooShort { have: samples, need, coherent_ms: 1, rate_hz });
     }
-    let data = CodePeriods::new(channels, rate_hz, options.periods);
+    let data = CodePeriods::new(channels, rate_hz, signal, options.periods);
     let svd = CodePeriodSvd::new(&data, options.components, nulled, RANK_FALSE_ALARM)
         .ok_or(AcquisitionError::Options("the samples are all zero, or not finite"))?;
-    let search = Search::new(&data, options);
+    let search = Search::new(&data, signal, options);
 
     let mut found: Vec<(Cell, usize)> = Vec::new();
     let strong = STRONG_COMPONENTS.max(svd.division.rank).min(svd.right.len());
@@ -167,14 +160,14 @@ pub fn search_code_periods(
     let right = search.without(&svd.right, &found);
     let threshold = search.threshold(right.len());
     let left = unfound(&left, &found);
-    let nearly = |c: &Cell| left.contains(&c.sv) && c.share > NEARLY * threshold;
+    let nearly = |c: &Cell| left.contains(&c.transmission) && c.share > NEARLY * threshold;
     let (mut own, mut shadowed) = (Vec::new(), Vec::new());
     for cell in cells.into_iter().filter(nearly) {
         let share = search.share(&right, &cell);
         if share > NEARLY * cell.share {
             own.push(Cell { share, ..cell });
         } else {
-            shadowed.push(cell.sv);
+            shadowed.push(cell.transmission);
         }
     }
     let (again, more) = search.best_cells(&right, &shadowed, 2);
@@ -190,8 +183,8 @@ pub fn search_code_periods(
 }
 
 /// The satellites not yet found.
-fn unfound(satellites: &[Sv], found: &[(Cell, usize)]) -> Vec<Sv> {
-    let is_left = |sv: &&Sv| found.iter().all(|f| f.0.sv != **sv);
+fn unfound(satellites: &[Transmission], found: &[(Cell, usize)]) -> Vec<Transmission> {
+    let is_left = |t: &&Transmission| found.iter().all(|f| f.0.transmission != **t);
     satellites.iter().filter(is_left).copied().collect()
 }
 
@@ -231,20 +224,26 @@ fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Com
 /// What all passes of one search share.
 struct Search<'a> {
     data: &'a CodePeriods,
+    /// Code period, s.
+    period_s: f64,
+    /// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites takes every other.
+    doppler_step_hz: f64,
     options: &'a CodePeriodOptions,
     forward: std::sync::Arc<dyn Fft<f32>>,
     inverse: std::sync::Arc<dyn Fft<f32>>,
 }
 
 impl<'a> Search<'a> {
-    fn new(data: &'a CodePeriods, options: &'a CodePeriodOptions) -> Self {
+    fn new(data: &'a CodePeriods, signal: &Signal, options: &'a CodePeriodOptions) -> Self {
         let (forward, inverse) = (forward_transform(data.bins), inverse_transform(data.bins));
-        Self { data, options, forward, inverse }
+        let period_s = signal.period_s();
+        let doppler_step_hz = 0.5 / period_s;
+        Self { data, period_s, doppler_step_hz, options, forward, inverse }
     }
 
-    /// Dopplers searched with so many fractions of a kilohertz, in steps of 500 Hz.
+    /// Dopplers searched, in steps, with so many fractions of the lines' distance.
     fn dopplers(&self, fractions: usize) -> impl Iterator<Item = i64> + use<> {
-        let most = (self.options.most_doppler_hz / DOPPLER_STEP_HZ).ceil() as i64;
+        let most = (self.options.most_doppler_hz / self.doppler_step_hz).ceil() as i64;
         (-most..=most).filter(move |step| fractions == 2 || step % 2 == 0)
     }
 
@@ -292,23 +291,23 @@ impl<'a> Search<'a> {
         -(cells as f64 * (-tail).ln_1p()).exp_m1()
     }
 
-    /// The best cell of every satellite at Dopplers of so many fractions of a kilohertz, and the number of
-    /// transforms.
+    /// The best cell of every satellite at Dopplers of so many fractions of the lines' distance, and the number
+    /// of transforms.
     fn best_cells(
         &self,
         right: &[Vec<Complex32>],
-        satellites: &[Sv],
+        satellites: &[Transmission],
         fractions: usize,
     ) -> (Vec<Cell>, usize) {
         if satellites.is_empty() {
             return (Vec::new(), 0);
         }
         let bins = self.data.bins;
-        // Whole kilohertz are shifts of the spectrum by lines; the fractions are 0 and 500 Hz.
-        let spectra: Vec<Vec<Vec<Complex32>>> = [0.0, DOPPLER_STEP_HZ][..fractions]
+        // Whole inverse periods are shifts of the spectrum by lines; the fractions are 0 and one half.
+        let spectra: Vec<Vec<Vec<Complex32>>> = [0.0, self.doppler_step_hz][..fractions]
             .iter()
             .map(|fraction| {
-                let turn = |n| phasor(fraction * CA_CODE_PERIOD * n as f64 / bins as f64);
+                let turn = |n| phasor(fraction * self.period_s * n as f64 / bins as f64);
                 let spectrum = |row: &Vec<Complex32>| {
                     let mut mixed: Vec<_> =
                         row.iter().enumerate().map(|(n, x)| x * turn(n)).collect();
@@ -318,22 +317,22 @@ impl<'a> Search<'a> {
                 right.iter().map(spectrum).collect()
             })
             .collect();
-        let cells = satellites.par_iter().map(|&sv| self.best(sv, &spectra)).collect();
+        let cells = satellites.par_iter().map(|&t| self.best(t, &spectra)).collect();
         let dopplers = self.dopplers(spectra.len()).count();
         let forward = spectra.len() * right.len() + satellites.len();
         (cells, forward + satellites.len() * dopplers * right.len())
     }
 
-    /// The best cell of a satellite in the spectra of all vectors, by fraction of a kilohertz.
-    fn best(&self, sv: Sv, spectra: &[Vec<Vec<Complex32>>]) -> Cell {
+    /// The best cell of a satellite in the spectra of all vectors, by fraction of the lines' distance.
+    fn best(&self, transmission: Transmission, spectra: &[Vec<Vec<Complex32>>]) -> Cell {
         let bins = self.data.bins;
-        let mut code = self.waveform(&Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 });
+        let mut best = Cell { transmission, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
+        let mut code = self.waveform(&best);
         self.forward.process(&mut code);
         code.iter_mut().for_each(|c| *c = c.conj());
         let mut correlation = vec![Complex32::ZERO; bins];
         let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
         let mut power = vec![0f32; bins];
-        let mut best = Cell { sv, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
         for step in self.dopplers(spectra.len()) {
             let fraction = step.rem_euclid(2) as usize;
             let lines = step.div_euclid(2).rem_euclid(bins as i64) as usize;
@@ -351,8 +350,8 @@ impl<'a> Search<'a> {
             // Both transforms are without a factor: N^2 of the power, and the waveform has norm 1.
             let share = highest / (bins as f64).powi(2);
             if share > best.share {
-                let doppler_hz = step as f64 * DOPPLER_STEP_HZ;
-                best = Cell { sv, share, doppler_hz, delay_bins: bin as f64 };
+                let doppler_hz = step as f64 * self.doppler_step_hz;
+                best = Cell { share, doppler_hz, delay_bins: bin as f64, ..best };
             }
         }
         best
@@ -360,15 +359,15 @@ impl<'a> Search<'a> {
 
     /// The waveform of a cell, of norm 1: the code at the instants where samples lie on average.
     fn waveform(&self, cell: &Cell) -> Vec<Complex32> {
-        let chips = ca_code(cell.sv);
+        let chips = cell.transmission.code();
         let bins = self.data.bins as f64;
-        let turn = Complex64::cis(TAU * cell.doppler_hz * CA_CODE_PERIOD / bins);
+        let turn = Complex64::cis(TAU * cell.doppler_hz * self.period_s / bins);
         let mut carrier = Complex64::from(bins.sqrt().recip());
         (0..self.data.bins)
             .map(|n| {
                 let phase = (n as f64 + self.data.offset - cell.delay_bins) / bins;
-                let chip = (phase.rem_euclid(1.0) * CA_CODE_LENGTH as f64) as usize;
-                let value = carrier * f64::from(chips[chip.min(CA_CODE_LENGTH - 1)]);
+                let chip = (phase.rem_euclid(1.0) * chips.len() as f64) as usize;
+                let value = carrier * f64::from(chips[chip.min(chips.len() - 1)]);
                 carrier *= turn;
                 Complex32::new(value.re as f32, value.im as f32)
             })
@@ -383,16 +382,16 @@ impl<'a> Search<'a> {
     /// Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance of early and
     /// late half a chip away (the correlation of chips is a triangle).
     fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
-        let half_chip = 0.5 * self.data.bins as f64 / CA_CODE_LENGTH as f64;
+        let half_chip = 0.5 * self.data.bins as f64 / start.transmission.signal.chips as f64;
         let mean = right.len() as f64 / self.data.bins as f64;
-        // Half a kilohertz off, the parabola would not bend. (The cell may come from fewer vectors.)
-        let cells = [-DOPPLER_STEP_HZ, DOPPLER_STEP_HZ, 0.0].map(|shift| {
+        // A step off, the parabola would not bend. (The cell may come from fewer vectors.)
+        let cells = [-self.doppler_step_hz, self.doppler_step_hz, 0.0].map(|shift| {
             let cell = Cell { doppler_hz: start.doppler_hz + shift, ..start };
             Cell { share: self.share(right, &cell), ..cell }
         });
         let start = cells.into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or(start);
         let mut cell = start;
-        for reach_hz in [250.0, 120.0] {
+        for reach_hz in [0.5, 0.24].map(|steps| steps * self.doppler_step_hz) {
             let at = |shift: f64| {
                 self.share(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
             };
@@ -425,26 +424,28 @@ impl<'a> Search<'a> {
             .map(|k| {
                 let sum: Complex64 =
                     (0..elements).map(|m| response[m].conj() * prompts[(m, k)]).sum();
-                sum * Complex64::cis(-TAU * cell.doppler_hz * CA_CODE_PERIOD * k as f64)
+                sum * Complex64::cis(-TAU * cell.doppler_hz * self.period_s * k as f64)
             })
             .collect();
-        let span = CarrierSpan { frequency_hz: 0.5 * DOPPLER_STEP_HZ, rate_hz_s: 0.0 };
-        let rest = estimate_carrier(&beam, span).map_or(0.0, |c| c.frequency_hz);
+        let span = CarrierSpan { frequency_hz: 0.5 * self.doppler_step_hz, rate_hz_s: 0.0 };
+        let rest = estimate_carrier(&beam, cell.transmission.timing(), span)
+            .map_or(0.0, |c| c.frequency_hz);
         let doppler_hz = cell.doppler_hz + if periods > 1 { rest } else { 0.0 };
         let power: f64 = (0..periods)
             .flat_map(|k| (0..elements).map(move |m| (m, k)))
             .map(|at| prompts[at].norm_sqr())
             .sum();
         let snr = power / (floor * (elements * periods) as f64) - 1.0;
-        // The delay is that of the middle of the periods; the code runs by Doppler / 1540.
-        let chips = CA_CODE_LENGTH as f64;
-        let drift = doppler_hz / CYCLES_PER_CHIP * periods as f64 * CA_CODE_PERIOD / 2.0;
+        // The delay is that of the middle of the periods; the code runs with the Doppler.
+        let chips = cell.transmission.signal.chips as f64;
+        let drift =
+            doppler_hz / cell.transmission.cycles_per_chip() * periods as f64 * self.period_s / 2.0;
         let code_phase = -cell.delay_bins * chips / self.data.bins as f64 - drift;
         let acquisition = Acquisition {
-            sv: cell.sv,
+            transmission: cell.transmission,
             doppler_hz,
             code_phase_chips: code_phase.rem_euclid(chips) % chips,
-            cn0_dbhz: 10.0 * (snr.max(1e-3) / CA_CODE_PERIOD).log10(),
+            cn0_dbhz: 10.0 * (snr.max(1e-3) / self.period_s).log10(),
             statistic: cell.share * self.data.bins as f64 / components.max(1) as f64,
             false_alarm: self.false_alarm(cell.share, components),
         };

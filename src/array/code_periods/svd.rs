@@ -1,9 +1,9 @@
-//! The code-period decomposition (route c): how many signals repeat every millisecond, and their waveforms.
+//! The code-period decomposition (route c): how many signals repeat every code period, and their waveforms.
 //!
 //! Let D hold one row per element and code period, and one column per bin of code phase. A satellite with
 //! response a, data d_k and Doppler f adds one term of rank 1, whatever its code:
 //!
-//! (a kron d_k exp(j 2 pi f k 1 ms)) x waveform^T, waveform(n) = c(n - tau) exp(j 2 pi f n/N 1 ms)
+//! (a kron d_k exp(j 2 pi f k T)) x waveform^T, waveform(n) = c(n - tau) exp(j 2 pi f n/N T)
 //!
 //! so that the number of singular values of D above what noise explains (module `random_matrix`) is the
 //! number of satellites, even with one antenna or with more satellites than elements; its right singular
@@ -14,7 +14,7 @@
 use crate::array::CMat;
 use crate::array::covariance::covariance;
 use crate::array::decision::random_matrix::{self, Division};
-use crate::gnss::constants::{CA_CODE_LENGTH, CA_CODE_PERIOD};
+use crate::gnss::Signal;
 use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use sdr_rx_linalg::hermitian_eigen;
@@ -41,16 +41,16 @@ pub struct CodePeriods {
 }
 
 impl CodePeriods {
-    /// Sorts the first `periods` code periods of all channels, as many as there are and as keep the rows
-    /// below 1024. `rate_hz` is at least the chip rate.
+    /// Sorts the first `periods` periods of a signal's code of all channels, as many as there are and as keep the
+    /// rows below 1024. `rate_hz` is at least the chip rate.
     ///
     /// # Panics
     /// When a channel is shorter than the first.
-    pub fn new(channels: &[&[Complex32]], rate_hz: f64, periods: usize) -> Self {
+    pub fn new(channels: &[&[Complex32]], rate_hz: f64, signal: &Signal, periods: usize) -> Self {
         let samples = channels.first().map_or(0, |c| c.len());
         let elements = channels.len();
-        let per_period = rate_hz * CA_CODE_PERIOD;
-        let bins = bins_per_period(per_period);
+        let per_period = rate_hz * signal.period_s();
+        let bins = bins_per_period(per_period, signal.chips);
         let bins_per_sample = bins as f64 / per_period;
         let whole = ((samples as f64 + 1e-6) / per_period) as usize;
         let periods = periods.min(whole).min(MOST_ROWS / elements.max(1));
@@ -142,7 +142,7 @@ impl CodePeriodSvd {
 
 /// Bins per code period: as many as samples or slightly fewer, at high rates a fraction of them; with prime
 /// factors 2, 3 and 5 only, for the sake of the transforms.
-fn bins_per_period(samples: f64) -> usize {
+fn bins_per_period(samples: f64, chips: usize) -> usize {
     let whole = (samples + 1e-6) as usize;
     let most = whole / whole.div_ceil(MOST_BINS).max(1);
     let is_smooth = |n: &usize| {
@@ -153,7 +153,7 @@ fn bins_per_period(samples: f64) -> usize {
             rest
         }) == 1
     };
-    (1..=most.max(CA_CODE_LENGTH)).rev().find(is_smooth).unwrap_or(1)
+    (1..=most.max(chips)).rev().find(is_smooth).unwrap_or(1)
 }
 
 /// Sum of a conj(b).
@@ -192,13 +192,14 @@ pub(crate) fn add_product(weight: Complex32, x: &[Complex32], sums: &mut [Comple
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gnss::signal::GPS_L1_CA;
 
     #[test]
     fn periods_have_as_many_bins_as_samples_or_a_fraction_of_them() {
         for (rate, bins) in
             [(2.048e6, 2048), (2e6, 2000), (2.6e6, 2592), (4e6, 4000), (5e6, 2500), (20e6, 4000)]
         {
-            assert_eq!(bins_per_period(rate * 1e-3), bins, "{rate}");
+            assert_eq!(bins_per_period(rate * 1e-3, GPS_L1_CA.chips), bins, "{rate}");
         }
     }
 
@@ -225,7 +226,7 @@ mod tests {
                     .collect::<Vec<_>>()
             })
             .collect();
-        let data = CodePeriods::new(&[&samples], 1.5e6, periods);
+        let data = CodePeriods::new(&[&samples], 1.5e6, &GPS_L1_CA, periods);
         assert_eq!((data.periods, data.bins, data.rows.len()), (periods, bins, periods));
         let svd = CodePeriodSvd::new(&data, 0, 0, 1e-4).unwrap();
         assert_eq!(svd.division.rank, terms);

@@ -333,7 +333,7 @@ mod tests {
         // d theta = d s / cos theta.
         let [angle, none] = bearing_sigma(&line, [0.6, 0.0], [[1e-4, 0.0], [0.0, 0.0]]);
         assert!((angle - 0.01 / 0.8).abs() < 1e-8 && none == 0.0);
-        let half = crate::gnss::constants::L1_WAVELENGTH / 2.0;
+        let half = crate::gnss::signal::L1_WAVELENGTH / 2.0;
         let corners = [[0.0, 0.0], [half, 0.0], [0.0, half]];
         let plane = corners.map(|[x, y]| nalgebra::Vector3::new(x, y, 0.0)).to_vec();
         let plane = Manifold::new(AntennaArray::new(plane));

@@ -225,8 +225,8 @@ mod tests {
 
     #[test]
     fn the_greatest_beam_of_noise_exceeds_the_threshold_as_often_as_asked_for() {
-        use crate::gnss::constants::L1_WAVELENGTH;
         use crate::gnss::random::SplitMix64;
+        use crate::gnss::signal::L1_WAVELENGTH;
         use nalgebra::Vector3;
         let at =
             |k: usize| Vector3::new((k % 3) as f64, (k / 3) as f64, 0.0) * (L1_WAVELENGTH / 2.0);

@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn a_square_has_the_same_bound_on_both_axes_and_a_neighbour_makes_it_worse() {
-        let half = crate::gnss::constants::L1_WAVELENGTH / 2.0;
+        let half = crate::gnss::signal::L1_WAVELENGTH / 2.0;
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
         let square = corners.map(|[x, y]| Vector3::new(x * half, y * half, 0.0)).to_vec();
         let manifold = Manifold::new(AntennaArray::new(square));

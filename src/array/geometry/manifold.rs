@@ -7,7 +7,7 @@
 
 use crate::array::CMat;
 use crate::gnss::antenna::AntennaArray;
-use crate::gnss::constants::L1_WAVELENGTH;
+use crate::gnss::signal::L1_WAVELENGTH;
 use nalgebra::{Matrix3, Unit, Vector3};
 use num_complex::Complex64;
 use std::f64::consts::TAU;

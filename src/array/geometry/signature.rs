@@ -168,7 +168,7 @@ mod tests {
     use rand_distr::StandardNormal;
 
     fn square() -> Manifold {
-        let half = crate::gnss::constants::L1_WAVELENGTH / 2.0;
+        let half = crate::gnss::signal::L1_WAVELENGTH / 2.0;
         let at = |x: f64, y: f64| Vector3::new(x * half, y * half, 0.0);
         Manifold::new(AntennaArray::new(vec![at(0., 0.), at(1., 0.), at(0., 1.), at(1., 1.)]))
     }

@@ -10,8 +10,7 @@ pub use look::{Jammer, LookError, LookOptions, SkyPicture, look};
 
 use crate::array::decision::Source;
 use crate::array::geometry::{Arrival, Bearing, Manifold, Signature, arrival};
-use crate::gnss::Sv;
-use crate::gnss::constants::CA_CODE_PERIOD;
+use crate::gnss::{Sv, Transmission};
 use authenticity::{OneDirection, agrees, one_direction};
 use nalgebra::{Unit, Vector3};
 
@@ -86,15 +85,15 @@ impl ArraySky {
     /// Adds the signatures of satellites; `manifold` where the array's geometry is known.
     pub fn add(
         &mut self,
-        signatures: Vec<(Sv, Signature)>,
+        signatures: Vec<(Transmission, Signature)>,
         rate_hz: f64,
         manifold: Option<&Manifold>,
     ) {
         let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
         self.one_direction = one_direction(&references);
-        let seen = |(sv, signature): (Sv, Signature)| SatelliteArrival {
-            sv,
-            sample_snr: signature.snr / (rate_hz * CA_CODE_PERIOD),
+        let seen = |(transmission, signature): (Transmission, Signature)| SatelliteArrival {
+            sv: transmission.sv,
+            sample_snr: signature.snr / (rate_hz * transmission.signal.period_s()),
             arrival: manifold.and_then(|m| arrival(m, &signature)),
             signature,
             predicted: None,

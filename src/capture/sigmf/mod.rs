@@ -13,7 +13,7 @@ use super::file_source::Description;
 use super::lane::Data;
 use super::number::Number;
 use super::{CaptureError, Note, OpenOptions, SampleFormat};
-use crate::gnss::constants::L1_HZ;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use std::path::{Path, PathBuf};
 
 /// Parses the text of a `.sigmf-meta` file; `path` is for messages only.
@@ -112,7 +112,7 @@ fn interpret(
     Ok(Description {
         format: Some(format),
         rate_hz: global.sample_rate,
-        if_hz: first.frequency.map(|f| L1_HZ - f),
+        if_hz: first.frequency.map(|f| L1_CENTRE_HZ - f),
         channels_per_file: Some(channels),
         start_time,
         array: spatial::read(global, &first, channels, path)?,

@@ -4,7 +4,7 @@ use super::document::{Capture, Global, Metadata};
 use super::spatial;
 use crate::capture::{Block, CaptureError, Datatype, StreamInfo};
 use crate::gnss::GpsTime;
-use crate::gnss::constants::L1_HZ;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use crate::temporary::temporary_beside;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ impl SigmfWriter {
         };
         let mut capture = Capture {
             sample_start: 0,
-            frequency: Some(L1_HZ - info.if_hz),
+            frequency: Some(L1_CENTRE_HZ - info.if_hz),
             datetime: info.start_time.map(utc_nanoseconds),
             ..Capture::default()
         };

@@ -2,7 +2,7 @@
 
 use super::table::ArrayTable;
 use super::{AntennaArray, ArrayError, Attitude};
-use crate::constants::L1_WAVELENGTH;
+use crate::signal::L1_WAVELENGTH;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};

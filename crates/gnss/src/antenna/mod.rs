@@ -9,7 +9,7 @@ pub use attitude::Attitude;
 pub use description::ArrayDescription;
 pub use error::ArrayError;
 
-use super::constants::L1_WAVELENGTH;
+use super::signal::L1_WAVELENGTH;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use std::f64::consts::TAU;

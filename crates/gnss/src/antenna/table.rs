@@ -2,7 +2,7 @@
 
 use super::{AntennaArray, Attitude};
 use crate::checked;
-use crate::constants::L1_WAVELENGTH;
+use crate::signal::L1_WAVELENGTH;
 use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -1,3 +1,40 @@
-//! Navigation messages: from symbols to pages, and from pages to navigation data.
+//! Navigation messages: from the symbols of one signal to pages, and from pages to navigation data.
 
+mod collector;
+pub mod convolutional;
+pub mod crc24q;
 pub mod lnav;
+pub mod sbas;
+
+pub use collector::{NavigationCollector, Update};
+
+/// Finds the pages of a navigation message in the symbols of one signal of one satellite.
+pub trait MessageDecoder: Send {
+    /// Takes the next symbol and gives a page that is complete and trusted with it, if there is one.
+    ///
+    /// The symbol is soft: its sign is the decision (positive is logical 0, or 1 when the Costas loop is
+    /// upside down), its magnitude the confidence, in any unit that stays the same. `index` counts the
+    /// symbols of the caller; where it jumps, symbols were lost and the search starts afresh.
+    fn push(&mut self, symbol: f32, index: u64) -> Option<Page>;
+}
+
+/// One page (message, subframe) as received.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Page {
+    /// Index of its first symbol, as the caller counts.
+    pub start_index: u64,
+    /// Time of week of the transmission of its first symbol, s, in the time of the system that sends it,
+    /// where the page tells it.
+    pub tow_s: Option<f64>,
+    /// What it says.
+    pub content: Content,
+}
+
+/// What a page says, by the kind of navigation message.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Content {
+    /// A subframe of the legacy message of GPS and QZSS.
+    Lnav(lnav::Subframe),
+    /// A message of SBAS L1.
+    Sbas(sbas::Message),
+}

@@ -1,7 +1,7 @@
 //! Broadcast ephemeris and what follows from it: satellite position, velocity and clock.
 
 use crate::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F};
-use crate::{GpsTime, Sv};
+use crate::{Constellation, GpsTime, Sv};
 use nalgebra::Vector3;
 
 /// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad
@@ -129,6 +129,15 @@ impl Ephemeris {
             clock_bias_s: self.af0 + tc * (self.af1 + tc * self.af2) + relativity * sin_e
                 - self.tgd,
             clock_drift_sps: self.af1 + 2.0 * tc * self.af2 + relativity * cos_e * ek_dot,
+        }
+    }
+
+    /// Whether the signal is good for use by the health word. Of QZSS the lowest bit belongs to L1C/B, which most
+    /// of its satellites do not send, and counts for nothing (IS-QZSS-PNT-005 table 4.1.2-5).
+    pub fn is_healthy(&self) -> bool {
+        match self.sv.constellation() {
+            Constellation::Qzss => self.health & !1 == 0,
+            _ => self.health == 0,
         }
     }
 

@@ -34,7 +34,7 @@ impl Observable {
     pub fn sigma(self) -> f64 {
         match self {
             Self::Pseudorange => 3.0,
-            Self::Doppler => 0.5 * sdr_rx::gnss::constants::L1_WAVELENGTH,
+            Self::Doppler => 0.5 * sdr_rx::gnss::signal::L1_WAVELENGTH,
         }
     }
 }

@@ -106,7 +106,7 @@ fn noise_alone_raises_as_many_alarms_as_asked_for() -> Tested {
 /// Four by four elements, half a wavelength apart, and unit noise with a tenth of impulses.
 #[test]
 fn jane_finds_directions_of_a_plane_within_their_standard_deviations() -> Tested {
-    let half = sdr_rx::gnss::constants::L1_WAVELENGTH / 2.0;
+    let half = sdr_rx::gnss::signal::L1_WAVELENGTH / 2.0;
     let at = |k: usize| Vector3::new((k % 4) as f64 * half, (k / 4) as f64 * half, 0.0);
     let manifold = Manifold::new(AntennaArray::new((0..16).map(at).collect()));
     let jane = Jane::new(&manifold, JaneOptions::default())?;

@@ -16,7 +16,7 @@ fn shift(epoch: &mut ObservationEpoch, index: usize, error_m: f64) -> Sv {
     if let CodeRange::Pseudorange(range_m) = &mut observation.range {
         *range_m += error_m;
     }
-    observation.sv
+    observation.sv()
 }
 
 fn keep(epoch: &mut ObservationEpoch, count: usize) {
@@ -67,7 +67,7 @@ fn covariance_is_that_of_a_monte_carlo() {
         .observations
         .iter()
         .map(|o| {
-            let ephemeris = nav.nearest(o.sv, truth.time).unwrap();
+            let ephemeris = nav.nearest(o.sv(), truth.time).unwrap();
             let sight = Sight::new(ephemeris, &truth.position_m, truth.time, &nav, &options);
             o.range_sigma_m.hypot(sight.range_sigma_m)
         })
@@ -155,9 +155,9 @@ fn errors_name_the_cause() {
     assert!(error.contains("below the mask"), "{error}");
     // Seen under one line of sight: copies of one satellite under other names.
     let mut clones = NavigationData::default();
-    let first = nav.nearest(epoch.observations[0].sv, truth.time).unwrap();
+    let first = nav.nearest(epoch.observations[0].sv(), truth.time).unwrap();
     for observation in &epoch.observations {
-        clones.insert(Ephemeris { sv: observation.sv, ..first.clone() });
+        clones.insert(Ephemeris { sv: observation.sv(), ..first.clone() });
     }
     fails(&truth.observe(&clones, &options, MASK), &clones, "one plane");
 }

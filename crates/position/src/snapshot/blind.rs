@@ -97,7 +97,7 @@ pub(super) fn solve_blind(
     options: &SnapshotOptions,
 ) -> Result<Fix, PositioningError> {
     let blind = Blind::new(epoch, nav, options)?;
-    let all: Vec<Sv> = epoch.observations.iter().map(|o| o.sv).collect();
+    let all: Vec<Sv> = epoch.observations.iter().map(|o| o.sv()).collect();
     let (mut false_ones, mut error) = (0.0, None);
     for excluded in std::iter::once(None).chain(all.iter().copied().map(Some)) {
         if excluded.is_some() && blind.window.most_satellites < NEEDED_AFTER_EXCLUSION + 1 {

@@ -16,8 +16,9 @@ use crate::SnapshotOptions;
 use crate::least_squares::LeastSquares;
 use crate::sight::{Sight, Sighting};
 use nalgebra::{SMatrix, SVector, Vector3};
-use sdr_rx_gnss::constants::{CA_CODE_PERIOD, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
+use sdr_rx_gnss::signal::GPS_L1_CA;
 use sdr_rx_gnss::{GpsTime, NavigationData};
 
 /// Position, code bias, drift, time: m, m, m/s, s.
@@ -28,7 +29,7 @@ pub(super) const DRIFT: usize = 4;
 pub(super) const TIME: usize = 5;
 
 /// c x 1 ms, m.
-pub(super) const CODE_PERIOD_M: f64 = SPEED_OF_LIGHT * CA_CODE_PERIOD;
+pub(super) const CODE_PERIOD_M: f64 = SPEED_OF_LIGHT * GPS_L1_CA.period_s();
 
 /// Prior height and its deviation, m: most places on land within one deviation, all within four.
 const HEIGHT: f64 = 500.0;
@@ -105,7 +106,8 @@ impl CoarseTime<'_> {
                 }
                 let Some(integers) = integers else { continue };
                 let g = -sight.direction;
-                let range_m = sighting.range_m + f64::from(integers[k]) * CODE_PERIOD_M;
+                let range_m = sighting.range_m
+                    + f64::from(integers[k]) * sighting.observation.code_period_m();
                 let residual = range_m - sight.range_m - state[BIAS];
                 let sigma = sighting.observation.range_sigma_m.hypot(sight.range_sigma_m);
                 push(State::new(g.x, g.y, g.z, 1.0, 0.0, rate), residual, sigma);

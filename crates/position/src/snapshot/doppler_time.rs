@@ -20,7 +20,8 @@ use crate::solver::model::{Doppler, Satellite};
 use crate::solver::outcome::{Failure, State};
 use nalgebra::{SVector, Vector3, Vector4};
 use sdr_rx_gnss::GpsTime;
-use sdr_rx_gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::{EARTH_RADIUS, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::signal::L1_WAVELENGTH;
 
 /// Time of flight of a signal, s, for the start.
 pub(super) const FLIGHT_S: f64 = 0.075;

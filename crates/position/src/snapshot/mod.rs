@@ -23,10 +23,10 @@ use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use super::velocity::motion;
 use super::{Fix, FixMethod, Residual, SnapshotOptions};
 use blind::solve_blind;
-use coarse_time::{BIAS, CODE_PERIOD_M, CoarseFix, CoarseTime, DRIFT, State, TIME};
+use coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
 use doppler_time::{from_the_centre, satellites, seeds};
 use nalgebra::{Matrix4, SVector, Vector3};
-use sdr_rx_gnss::constants::{EARTH_RADIUS, L1_WAVELENGTH, SPEED_OF_LIGHT};
+use sdr_rx_gnss::constants::{EARTH_RADIUS, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::observation::{CodeRange, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
@@ -97,7 +97,7 @@ pub fn solve_snapshot(
         if let Some((other, ..)) = solutions.find(|(s, ..)| s.contests(&best.fix)) {
             return Err(other.ambiguous(&best.fix));
         }
-        let excluded = excluded.iter().map(|&k| sightings[k].observation.sv).collect();
+        let excluded = excluded.iter().map(|&k| sightings[k].observation.sv()).collect();
         return finish(&problem, epoch, &set, best, excluded);
     }
     Err(error.unwrap_or(PositioningError::TooFewSatellites {
@@ -252,8 +252,9 @@ fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, 
     let elevation = |k: &usize| region.sights[*k].elevation;
     let highest = (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
     let bias_m = set[highest].range_m - predicted[highest];
-    let whole =
-        |(s, p): (&Sighting, &f64)| ((p + bias_m - s.range_m) / CODE_PERIOD_M).round() as i32;
+    let whole = |(s, p): (&Sighting, &f64)| {
+        ((p + bias_m - s.range_m) / s.observation.code_period_m()).round() as i32
+    };
     (set.iter().zip(&predicted).map(whole).collect(), bias_m)
 }
 
@@ -321,10 +322,10 @@ fn finish(
         motion.map_or((Vector3::zeros(), fix.state[DRIFT]), |m| (m.velocity_mps, m.drift_mps));
     let residuals = used.iter().zip(&fix.sights).zip(&fix.code_residuals_m);
     let residuals = residuals.map(|((sighting, sight), &range_m)| Residual {
-        sv: sighting.observation.sv,
+        sv: sighting.observation.sv(),
         range_m,
         doppler_hz: sighting.observation.doppler_hz
-            + sight.range_rate(&velocity, drift) / L1_WAVELENGTH,
+            + sight.range_rate(&velocity, drift) / sighting.observation.transmission.wavelength_m(),
         azimuth: sight.azimuth,
         elevation: sight.elevation,
     });

@@ -1,5 +1,6 @@
 //! Monte Carlo over places, subsets of satellites, clocks and time errors.
 
+use super::coarse_time::CODE_PERIOD_M;
 use super::*;
 use crate::PositioningOptions;
 use crate::synthetic::{Truth, navigation_data};
@@ -62,7 +63,7 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
         observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
         observation.doppler_hz = rng.random_range(-5e3..5e3);
     }
-    epoch.observations.sort_by_key(|o| o.sv);
+    epoch.observations.sort_by_key(|o| o.sv());
     epoch.receive_time = epoch.receive_time + rng.random_range(-1.0..1.0) * class.time_error_s;
     Some((truth, epoch))
 }

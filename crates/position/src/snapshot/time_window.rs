@@ -63,7 +63,7 @@ impl<'a> TimeWindow<'a> {
 
     /// Where ephemerides of observed satellites are in force, within what was asked.
     fn covered(&self) -> Vec<(GpsTime, GpsTime)> {
-        let observed = |e: &&Ephemeris| self.epoch.observations.iter().any(|o| o.sv == e.sv);
+        let observed = |e: &&Ephemeris| self.epoch.observations.iter().any(|o| o.sv() == e.sv);
         let mut spans: Vec<(GpsTime, GpsTime)> = self
             .nav
             .iter()
@@ -133,10 +133,10 @@ impl<'a> TimeWindow<'a> {
     ) -> (Vec<Sighting<'a>>, Vec<Dropped>) {
         let mut usable: Vec<Sighting> = Vec::new();
         let mut dropped = Vec::new();
-        for observation in self.epoch.observations.iter().filter(|o| Some(o.sv) != excluded) {
-            let sv = observation.sv;
+        for observation in self.epoch.observations.iter().filter(|o| Some(o.sv()) != excluded) {
+            let sv = observation.sv();
             let sighting = match observation.range {
-                _ if usable.iter().any(|s| s.observation.sv == sv) => Err(DropReason::Duplicate),
+                _ if usable.iter().any(|s| s.observation.sv() == sv) => Err(DropReason::Duplicate),
                 CodeRange::Pseudorange(_) => Err(DropReason::WrongKindOfRange),
                 CodeRange::ModuloCodePeriod(m) => Sighting::new(observation, m, time, self.nav),
             };

@@ -2,6 +2,7 @@
 
 use super::Source;
 use crate::format::records::Line;
+use crate::signal::{GPS_L1_CA, QZSS_L1_CA, Signal};
 use crate::{Constellation, GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
 use std::io::BufRead;
@@ -177,22 +178,23 @@ impl Signals {
 
     /// Finds the fields of L1 C/A in the lists of names.
     pub fn resolve(&mut self) {
-        let wanted: [&[&str]; 4] = if self.version < 3.0 {
-            [&["C1", "P1"], &["L1"], &["D1"], &["S1"]]
-        } else {
-            [&["C1C"], &["L1C"], &["D1C"], &["S1C"]]
-        };
-        let fields = |system: char| {
-            let place = |name: &&str| self.place(system, name);
+        let fields = |system: char, signal: &Signal| {
+            let place = |name: &str| self.place(system, name);
+            let named = |kind: char| match self.version < 3.0 {
+                true => place(&format!("{kind}1")),
+                false => place(&format!("{kind}{}", signal.rinex)),
+            };
+            let precise = if self.version < 3.0 { place("P1") } else { None };
             Fields {
                 count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
-                code: wanted[0].iter().filter_map(place).collect(),
-                phase: wanted[1].first().and_then(place),
-                doppler: wanted[2].first().and_then(place),
-                strength: wanted[3].first().and_then(place),
+                code: named('C').into_iter().chain(precise).collect(),
+                phase: named('L'),
+                doppler: named('D'),
+                strength: named('S'),
             }
         };
-        (self.gps, self.qzss) = (fields('G'), fields(if self.version < 3.0 { 'G' } else { 'J' }));
+        let qzss = if self.version < 3.0 { 'G' } else { 'J' };
+        (self.gps, self.qzss) = (fields('G', &GPS_L1_CA), fields(qzss, &QZSS_L1_CA));
     }
 
     /// The place of a type of observation in the records of a system.

@@ -143,7 +143,7 @@ impl<R: BufRead> Iterator for ObservationReader<R> {
         Some(epoch.map(|Epoch { receive_time, power_failed, satellites }| {
             let mut observations: Vec<Observation> = satellites;
             observations.iter_mut().for_each(|o| o.lost_lock |= power_failed);
-            observations.sort_by_key(|o| o.sv);
+            observations.sort_by_key(|o| o.transmission);
             let sample = receive_time - *self.first.get_or_insert(receive_time);
             ObservationEpoch { receive_time, sample, observations }
         }))

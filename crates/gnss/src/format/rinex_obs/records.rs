@@ -4,7 +4,7 @@ use super::ObservationReader;
 use super::header::Signals;
 use crate::format::records::Line;
 use crate::observation::{CodeRange, Observation, typical_noise};
-use crate::{Constellation, GpsTime, ReadError, Sv};
+use crate::{Constellation, GpsTime, ReadError, Sv, signal};
 use std::io::BufRead;
 
 /// Fields on a line of version 2.
@@ -195,7 +195,7 @@ pub(super) fn observation<'a>(
     let cn0_dbhz = stated.or_else(class);
     let (range_sigma_m, doppler_sigma_hz) = typical_noise(cn0_dbhz);
     Ok(Some(Observation {
-        sv,
+        transmission: signal::of(sv),
         range: CodeRange::Pseudorange(code.unwrap_or(f64::NAN)),
         range_sigma_m,
         doppler_hz: doppler.unwrap_or(f64::NAN),

@@ -1,6 +1,6 @@
 use super::*;
-use crate::GpsTime;
 use crate::observation::{CodeRange, Observation};
+use crate::{GpsTime, signal};
 use proptest::prelude::*;
 
 /// A header line: contents in columns 1-60, label in 61-80.
@@ -80,7 +80,7 @@ fn versions_2_and_3_are_read_field_by_field() {
     assert!(reader.next().is_none());
     assert_eq!((reader.skipped(), reader.bytes()), (1, text.len() as u64));
     assert_eq!(epoch.receive_time, GpsTime::from_calendar(2015, 7, 19, 0, 0, 0.0));
-    let names: Vec<String> = epoch.observations.iter().map(|o| o.sv.to_string()).collect();
+    let names: Vec<String> = epoch.observations.iter().map(|o| o.sv().to_string()).collect();
     assert_eq!(names, ["G02", "G12", "J03"], "a name without letter is of GPS");
     let [first, p_code, last] = &epoch.observations[..] else { panic!("three") };
     assert_eq!((range(first), first.doppler_hz), (21_276_226.827, -1_011.373));
@@ -94,8 +94,11 @@ fn versions_2_and_3_are_read_field_by_field() {
     let epochs = read(&(v3_header() + V3_EPOCH)).unwrap();
     assert_eq!(epochs[0].receive_time, GpsTime::from_calendar(2024, 6, 24, 8, 20, 0.0));
     let [gps, qzss] = &epochs[0].observations[..] else { panic!("two") };
-    assert_eq!(gps, &Observation { sv: "G02".parse().unwrap(), ..first.clone() });
-    assert_eq!((qzss.sv.prn(), range(qzss)), (194, 38e6));
+    assert_eq!(
+        gps,
+        &Observation { transmission: signal::of("G02".parse().unwrap()), ..first.clone() }
+    );
+    assert_eq!((qzss.sv().prn(), range(qzss)), (194, 38e6));
 }
 
 #[test]
@@ -138,7 +141,7 @@ fn more_than_twelve_satellites_continue_on_further_lines() {
     let epochs = read(&text).unwrap();
     assert_eq!(epochs[0].observations.len(), 25);
     for (k, o) in epochs[0].observations.iter().enumerate() {
-        assert_eq!((o.sv.prn() as usize, range(o)), (k + 1, 2e7 + k as f64 + 1.0));
+        assert_eq!((o.sv().prn() as usize, range(o)), (k + 1, 2e7 + k as f64 + 1.0));
     }
 }
 

@@ -1,28 +1,43 @@
-//! RINEX 3.04 observation file (RINEX 3.04 tables A2 and A3): C1C L1C D1C S1C.
+//! RINEX 3.04 observation file (RINEX 3.04 tables A2 and A3): code, phase, Doppler and strength of each signal,
+//! C1C L1C D1C S1C of L1 C/A.
 
 use crate::format::rinex_nav::write::{header_line, program_line};
 use crate::observation::{CodeRange, Observation, ObservationEpoch};
-use crate::{Constellation, GpsTime};
+use crate::{Constellation, GpsTime, Signal, Transmission};
 use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 /// Observations as a file, `position_m` (ECEF) as its approximate position. Doppler is positive when the satellite approaches, the carrier phase grows
 /// with the pseudorange, and code ranges known only modulo a code period are left out (blank). Times and
 /// ranges are by the receiver's clock; no offset is applied.
 pub fn write(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
-    let mut text = header(epochs, position_m);
+    let signals = signals(epochs);
+    let mut text = header(epochs, position_m, &signals);
     for epoch in epochs {
         let (year, month, day, hour, minute, second) = tenth_microsecond(epoch.receive_time);
-        let count = epoch.observations.len();
+        let of_satellites = || epoch.observations.chunk_by(|a, b| a.sv() == b.sv());
+        let count = of_satellites().count();
         let _ = writeln!(
             text,
             "> {year:04} {month:02} {day:02} {hour:02} {minute:02}{second:11.7}  0{count:3}"
         );
-        for observation in &epoch.observations {
-            text += &line(observation);
+        for observations in of_satellites() {
+            text += &line(observations, &signals);
         }
     }
     text
+}
+
+/// The signals observed, by system.
+fn signals(epochs: &[ObservationEpoch]) -> BTreeMap<Constellation, BTreeSet<&'static Signal>> {
+    let mut signals: BTreeMap<_, BTreeSet<_>> = BTreeMap::new();
+    for Transmission { signal, .. } in
+        epochs.iter().flat_map(|e| &e.observations).map(|o| o.transmission)
+    {
+        signals.entry(signal.constellation).or_default().insert(signal);
+    }
+    signals
 }
 
 /// File name by RINEX 3's rule, such as `SDRX00XXX_S_20220010200_45S_01S_MO.rnx`: start, duration and
@@ -59,16 +74,13 @@ fn tenth_microsecond(t: GpsTime) -> (i32, u32, u32, u32, u32, f64) {
     (GpsTime::from_week_tow(0, whole as f64) + ticks / 1e7).calendar()
 }
 
-fn header(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
-    let systems: Vec<char> =
-        [(Constellation::Gps, 'G'), (Constellation::Qzss, 'J'), (Constellation::Sbas, 'S')]
-            .into_iter()
-            .filter(|(c, _)| {
-                epochs.iter().flat_map(|e| &e.observations).any(|o| o.sv.constellation() == *c)
-            })
-            .map(|(_, letter)| letter)
-            .collect();
-    let system = if systems == ['G'] { "G: GPS" } else { "M: MIXED" };
+fn header(
+    epochs: &[ObservationEpoch],
+    position_m: Vector3<f64>,
+    signals: &BTreeMap<Constellation, BTreeSet<&Signal>>,
+) -> String {
+    let gps_only = signals.keys().eq([&Constellation::Gps]);
+    let system = if gps_only { "G: GPS" } else { "M: MIXED" };
     let kind = format!("{:>9.2}{:11}{:20}{system}", 3.04, "", "OBSERVATION DATA");
     let [x, y, z]: [f64; 3] = position_m.into();
     let mut lines = vec![
@@ -85,8 +97,12 @@ fn header(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
         (format!("{x:14.4}{y:14.4}{z:14.4}"), "APPROX POSITION XYZ"),
         (format!("{0:14.4}{0:14.4}{0:14.4}", 0.0), "ANTENNA: DELTA H/E/N"),
     ];
-    for letter in &systems {
-        lines.push((format!("{letter}    4 C1C L1C D1C S1C"), "SYS / # / OBS TYPES"));
+    for (system, signals) in signals {
+        let mut types = format!("{}  {:3}", system.letter(), FIELDS * signals.len());
+        for signal in signals {
+            let _ = write!(types, " C{0} L{0} D{0} S{0}", signal.rinex);
+        }
+        lines.push((types, "SYS / # / OBS TYPES"));
     }
     lines.push(("DBHZ".to_owned(), "SIGNAL STRENGTH UNIT"));
     if let (Some(first), Some(last)) = (epochs.first(), epochs.last()) {
@@ -97,8 +113,9 @@ fn header(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
         let (year, month, day, hour, minute, second) = tenth_microsecond(first);
         let time = format!("{year:6}{month:6}{day:6}{hour:6}{minute:6}{second:13.7}     GPS");
         lines.push((time, "TIME OF FIRST OBS"));
-        for letter in &systems {
-            lines.push((format!("{letter} L1C"), "SYS / PHASE SHIFT"));
+        for signal in signals.values().flatten() {
+            let shifted = format!("{} L{}", signal.constellation.letter(), signal.rinex);
+            lines.push((shifted, "SYS / PHASE SHIFT"));
         }
         lines.push((format!("{:6}", first.leap_seconds()), "LEAP SECONDS"));
     }
@@ -110,7 +127,28 @@ fn header(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
     lines.iter().map(print).collect()
 }
 
-fn line(o: &Observation) -> String {
+/// Fields of a signal.
+const FIELDS: usize = 4;
+
+/// The line of a satellite: its signals in the order of the header.
+fn line(
+    observations: &[Observation],
+    signals: &BTreeMap<Constellation, BTreeSet<&Signal>>,
+) -> String {
+    let sv = observations[0].sv();
+    let mut text = sv.to_string();
+    for signal in signals.get(&sv.constellation()).into_iter().flatten() {
+        match observations.iter().find(|o| o.transmission.signal == *signal) {
+            Some(observation) => fields(observation, &mut text),
+            None => text += &" ".repeat(16 * FIELDS),
+        }
+    }
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    text
+}
+
+fn fields(o: &Observation, text: &mut String) {
     let code = match o.range {
         CodeRange::Pseudorange(metres) => Some(metres),
         CodeRange::ModuloCodePeriod(_) => None,
@@ -121,8 +159,7 @@ fn line(o: &Observation) -> String {
         cn0 if cn0.is_finite() => ((cn0 / 6.0).floor().clamp(1.0, 9.0) as u8).to_string(),
         _ => " ".to_owned(),
     };
-    let mut text = o.sv.to_string();
-    let fields = [
+    let fields: [_; FIELDS] = [
         (code, ' '),
         (o.carrier_phase_cycles, lli),
         (Some(o.doppler_hz), ' '),
@@ -138,17 +175,14 @@ fn line(o: &Observation) -> String {
             None => write!(text, "{:16}", ""),
         };
     }
-    text.truncate(text.trim_end().len());
-    text.push('\n');
-    text
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::ObservationReader;
     use super::*;
-    use crate::Sv;
     use crate::observation::typical_noise;
+    use crate::{Sv, signal};
     use proptest::collection::{btree_map, vec};
     use proptest::prelude::*;
 
@@ -162,7 +196,7 @@ mod tests {
                 let cn0_dbhz = milli(cn0);
                 let (range_sigma_m, doppler_sigma_hz) = typical_noise(Some(cn0_dbhz));
                 Observation {
-                    sv: Sv::all_gps().next().unwrap(),
+                    transmission: signal::of(Sv::all_gps().next().unwrap()),
                     range: CodeRange::Pseudorange(range.map_or(f64::NAN, milli)),
                     range_sigma_m,
                     doppler_hz: if sign { milli(doppler) } else { -milli(doppler) },
@@ -185,8 +219,9 @@ mod tests {
                 .map(|(wait, satellites)| {
                     // Printed to 1e-7 s.
                     time = time + wait as f64 * 1e-7;
-                    let observations =
-                        satellites.into_iter().map(|(sv, o)| Observation { sv, ..o });
+                    let observations = satellites
+                        .into_iter()
+                        .map(|(sv, o)| Observation { transmission: signal::of(sv), ..o });
                     let observations = observations.collect();
                     ObservationEpoch { receive_time: time, sample: time - start, observations }
                 })
@@ -210,7 +245,7 @@ mod tests {
                         CodeRange::Pseudorange(metres) => Some(metres).filter(|m| m.is_finite()),
                         CodeRange::ModuloCodePeriod(_) => None,
                     };
-                    prop_assert_eq!((a.sv, number(a)), (b.sv, number(b)));
+                    prop_assert_eq!((a.sv(), number(a)), (b.sv(), number(b)));
                     prop_assert_eq!((a.doppler_hz, a.cn0_dbhz), (b.doppler_hz, b.cn0_dbhz));
                     prop_assert_eq!(a.carrier_phase_cycles, b.carrier_phase_cycles);
                     prop_assert_eq!(a.lost_lock, b.lost_lock);

@@ -22,6 +22,7 @@ use super::{
     DataWords, Header, Message, PREAMBLE, SUBFRAME_BITS, SUBFRAME_SECONDS, TOW_COUNTS,
     decode_subframe, decode_words,
 };
+use crate::message::{Content, MessageDecoder, Page};
 
 /// One subframe as received.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +63,7 @@ impl Subframe {
     }
 }
 
-/// Finds subframes in the bits of one satellite. Cost: a shift of five words and a comparison per bit;
+/// Finds subframes in the bits of one satellite; their polarity is open. Cost: a shift of five words and a comparison per bit;
 /// parity is computed only where a preamble stands.
 #[derive(Clone, Debug, Default)]
 pub struct FrameDecoder {
@@ -79,10 +80,8 @@ impl FrameDecoder {
         Self::default()
     }
 
-    /// Takes the next bit (its sign counts: positive is logical 0, or 1 when the loop is upside down)
-    /// and its index, and gives the subframe that it completes. Where the index jumps, bits were lost and
-    /// the search starts afresh.
-    pub fn push(&mut self, bit: f32, index: u64) -> Option<Subframe> {
+    /// Takes the next bit and its index, and gives the subframe that it completes.
+    fn next_subframe(&mut self, bit: f32, index: u64) -> Option<Subframe> {
         if self.last_index.is_some_and(|last| last.wrapping_add(1) != index) {
             *self = Self::new();
         }
@@ -114,6 +113,14 @@ impl FrameDecoder {
                 Some(found)
             }
         }
+    }
+}
+
+impl MessageDecoder for FrameDecoder {
+    fn push(&mut self, symbol: f32, index: u64) -> Option<Page> {
+        let subframe = self.next_subframe(symbol, index)?;
+        let (start_index, tow_s) = (subframe.start_index, Some(subframe.tow()));
+        Some(Page { start_index, tow_s, content: Content::Lnav(subframe) })
     }
 }
 
@@ -166,7 +173,7 @@ mod tests {
 
     fn decode(bits: &[f32]) -> Vec<Subframe> {
         let mut decoder = FrameDecoder::new();
-        bits.iter().zip(0..).filter_map(|(&bit, k)| decoder.push(bit, k)).collect()
+        bits.iter().zip(0..).filter_map(|(&bit, k)| decoder.next_subframe(bit, k)).collect()
     }
 
     #[test]
@@ -211,7 +218,7 @@ mod tests {
         }
         let mut decoder = FrameDecoder::new();
         let indices = (0..200).chain(201..700);
-        let found = indices.zip(&all).filter_map(|(k, bit)| decoder.push(*bit, k)).count();
+        let found = indices.zip(&all).filter_map(|(k, bit)| decoder.next_subframe(*bit, k)).count();
         assert_eq!(found, 1, "the first is torn, the second whole");
     }
 
@@ -222,7 +229,7 @@ mod tests {
         let mut decoder = FrameDecoder::new();
         for index in 0..10_000_000 {
             let bit = if rng.random::<bool>() { 1.0 } else { -1.0 };
-            assert_eq!(decoder.push(bit, index), None);
+            assert_eq!(decoder.next_subframe(bit, index), None);
         }
     }
 

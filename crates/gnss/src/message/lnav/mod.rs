@@ -8,14 +8,12 @@
 //!
 //! Weeks are sent modulo 1024 (or 256); [`resolve_week`] picks the full week nearest a reference.
 
-mod collector;
 mod fields;
 mod frame;
 mod pages;
 pub mod parity;
 mod subframes;
 
-pub use collector::{NavigationCollector, Update};
 pub use fields::DataWords;
 pub use frame::{FrameDecoder, Subframe};
 pub use pages::{Almanac, Health1To24, Health25To32, IonosphereUtc, page_sv_id};
@@ -27,6 +25,10 @@ use fields::{Fields, Walk};
 pub const PREAMBLE: u32 = 0x8B;
 /// Bits in a subframe.
 pub const SUBFRAME_BITS: usize = 300;
+/// Data ID of the pages of subframes 4 and 5 that GPS sends of itself (IS-GPS-200N 20.3.3.5.1.1).
+pub const DATA_ID_GPS: u8 = 1;
+/// Data ID under which QZSS repeats pages of GPS; its own pages have 3 and are not read (IS-QZSS-PNT-005 4.1.2.6).
+pub const DATA_ID_REPEATED: u8 = 0;
 /// Seconds that a subframe takes.
 pub const SUBFRAME_SECONDS: f64 = 6.0;
 /// Number of subframes in a week: TOW counts run from 0 to one less.
@@ -129,8 +131,7 @@ impl Message {
     /// The message in decoded `words`.
     pub fn decode(words: &DataWords) -> Self {
         let sv_id = (words[2] >> 16 & 0x3F) as u8;
-        // Pages of subframes 4 and 5 are laid out as here only under data ID 01: QZSS sends others.
-        let gps_page = words[2] >> 22 & 3 == 1;
+        let gps_page = matches!((words[2] >> 22 & 3) as u8, DATA_ID_GPS | DATA_ID_REPEATED);
         match Header::read(words).id {
             1 => Self::Clock(Subframe1::read(words)),
             2 => Self::Orbit(Subframe2::read(words)),
@@ -144,11 +145,11 @@ impl Message {
         }
     }
 
-    fn write(&self) -> Result<DataWords, LnavError> {
-        // Unused bits: alternating ones and zeros (IS-GPS-200N 20.3.3.5.1.1), with data ID 01 and SV ID.
+    fn write(&self, data_id: u8) -> Result<DataWords, LnavError> {
+        // Unused bits: alternating ones and zeros (IS-GPS-200N 20.3.3.5.1.1), with data ID and SV ID.
         let page = |sv_id: u8| {
             let mut words = [0xAA_AAAA; 10];
-            words[2] = 1 << 22 | u32::from(sv_id) << 16 | 0xAAAA;
+            words[2] = u32::from(data_id) << 22 | u32::from(sv_id) << 16 | 0xAAAA;
             words
         };
         match self {
@@ -164,10 +165,19 @@ impl Message {
     }
 }
 
-/// The ten 30-bit words as sent (D1 = bit 29) of one subframe. Parity starts from D29* = D30* = 0, which
-/// every subframe's last word guarantees for the next, and so does this one.
+/// The ten 30-bit words as sent (D1 = bit 29) of one subframe of GPS. Parity starts from D29* = D30* = 0,
+/// which every subframe's last word guarantees for the next, and so does this one.
 pub fn encode_subframe(header: &Header, message: &Message) -> Result<[u32; 10], LnavError> {
-    let mut data = header.write(message.write()?)?;
+    encode_with_data_id(header, message, DATA_ID_GPS)
+}
+
+/// The same with another data ID on the pages of subframes 4 and 5, such as [`DATA_ID_REPEATED`].
+pub fn encode_with_data_id(
+    header: &Header,
+    message: &Message,
+    data_id: u8,
+) -> Result<[u32; 10], LnavError> {
+    let mut data = header.write(message.write(data_id)?)?;
     data[0] &= !1;
     let mut tail = 0;
     Ok(std::array::from_fn(|k| {

@@ -225,3 +225,18 @@ proptest! {
         let _ = (decode_subframe(&words), decode_words(&words.map(|w| w & 0x3FFF_FFFF), 0));
     }
 }
+
+/// Pages of GPS that QZSS repeats are read as GPS sends them; its own, under data ID 3, are left alone: SV ID
+/// 61 holds an ionosphere of Japan alone (IS-QZSS-PNT-005 4.1.2.6).
+#[test]
+fn pages_are_read_by_their_data_id() {
+    let page = Message::IonosphereUtc(IonosphereUtc { delta_t_ls: 18.0, ..Default::default() });
+    let read = |message: &Message, data_id| {
+        let sent = encode_with_data_id(&Header::new(4, 0.0), message, data_id).unwrap();
+        decode_subframe(&decode_words(&sent, 0).unwrap()).1
+    };
+    assert_eq!(read(&page, DATA_ID_GPS), page);
+    assert_eq!(read(&page, DATA_ID_REPEATED), page);
+    assert_eq!(read(&page, 3), Message::Other(56));
+    assert_eq!(read(&Message::Other(61), 3), Message::Other(61));
+}

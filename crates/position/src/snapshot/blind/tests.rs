@@ -70,7 +70,7 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
         observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
         observation.doppler_hz = rng.random_range(-5e3..5e3);
     }
-    epoch.observations.sort_by_key(|o| o.sv);
+    epoch.observations.sort_by_key(|o| o.sv());
     let off_s = if class.uncertainty_s.is_finite() { class.uncertainty_s } else { 0.0 };
     epoch.receive_time = epoch.receive_time + rng.random_range(-1.0..1.0) * off_s;
     Some((truth, epoch))

@@ -1,40 +1,43 @@
-//! Bit synchronisation and bits.
+//! Symbol synchronisation and symbols.
 //!
 //! The likeliest edge is searched together with what is left of the Doppler ([`estimate_carrier`]): it
 //! needs neither phase lock nor a perfect frequency.
 
 use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
+use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 
-/// Code periods in a data bit.
-pub const PERIODS_PER_BIT: usize = 20;
-
-/// Least signal-to-noise ratio of a prompt at which an edge can be believed (24.5 dB-Hz): in noise alone
+/// Minimum signal-to-noise ratio of a prompt at which an edge can be believed (24.5 dB-Hz of 1 ms): in noise alone
 /// the ratio is 0.05 at most (one standard deviation, 400 prompts), and so a false edge a six-sigma event.
 const LEAST_SNR: f64 = 0.28;
+
+/// Prompts that are looked at first, and in steps of how many the run grows until the edge is certain.
+const FIRST: usize = 400;
+const STEP: usize = 100;
 
 /// Prompts that are looked at, the latest.
 const RUN: usize = 600;
 
-/// How far the carrier loop may be off, Hz: false locks lie at multiples of 25.
+/// How far the carrier loop may be off, Hz: false locks lie at multiples of 25 with symbols of 20 ms.
 const SPAN_HZ: f64 = 60.0;
 
 /// Prompts after which the search starts anew: the loops may have been unlocked.
 const PATIENCE: usize = 4000;
 
-/// A data bit.
+/// A data symbol.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bit {
-    /// In-phase sum of its 20 prompts: the sign is the bit (up to the polarity of the whole track), the
-    /// size its reliability.
+pub struct Symbol {
+    /// In-phase sum of its prompts: the sign is the symbol (up to the polarity of the whole track), the size
+    /// its reliability.
     pub value: f32,
     /// Index of its first code period, counted from the start of the track.
     pub first_period: u64,
 }
 
-/// Searches the bit edge in a run of prompts, then sums bits.
-#[derive(Clone, Debug, Default)]
-pub struct BitSynchroniser {
+/// Searches the symbol edge in a run of prompts, then sums symbols.
+#[derive(Clone, Debug)]
+pub struct SymbolSynchroniser {
+    timing: SymbolTiming,
     /// Prompts since the start (or the last restart) until the edge is known.
     history: Vec<Complex64>,
     first: u64,
@@ -43,33 +46,46 @@ pub struct BitSynchroniser {
     count: usize,
 }
 
-impl BitSynchroniser {
-    /// With an edge (period index modulo 20) that is known already, or none.
-    pub fn new(edge: Option<u64>) -> Self {
-        Self { edge: edge.map(|e| e % PERIODS_PER_BIT as u64), ..Self::default() }
+impl SymbolSynchroniser {
+    /// For symbols of this timing, with an edge (index of a code period) that is known already, or none.
+    pub fn new(timing: SymbolTiming, edge: Option<u64>) -> Self {
+        let edge = edge.map(|e| e % timing.cycle as u64);
+        let (history, first) = (Vec::new(), 0);
+        Self { timing, history, first, edge, sum: Complex64::ZERO, count: 0 }
     }
 
-    /// The edge: index modulo 20 of the code periods that start a bit.
+    /// How code periods make up symbols.
+    pub fn timing(&self) -> SymbolTiming {
+        self.timing
+    }
+
+    /// The place of a code period in its symbol, 0 to below the cycle, once the edge is known.
+    pub fn place(&self, period: u64) -> Option<u64> {
+        let cycle = self.timing.cycle as u64;
+        self.edge.map(|edge| (period + cycle - edge) % cycle)
+    }
+
+    /// The edge: index of the code periods that start a symbol, modulo the cycle.
     pub fn edge(&self) -> Option<u64> {
         self.edge
     }
 
-    /// Takes the prompt of code period `period` (consecutive) and appends the bits that it completes.
-    pub fn push(&mut self, period: u64, prompt: Complex64, bits: &mut Vec<Bit>) {
-        if self.edge.is_some() {
-            return self.sum_bit(period, prompt, bits);
+    /// Takes the prompt of code period `period` (consecutive) and appends the symbols that it completes.
+    pub fn push(&mut self, period: u64, prompt: Complex64, symbols: &mut Vec<Symbol>) {
+        if let Some(place) = self.place(period) {
+            return self.add(period, place, prompt, symbols);
         }
         if self.history.is_empty() {
             self.first = period;
         }
         self.history.push(prompt);
         let count = self.history.len();
-        if count >= 400 && count.is_multiple_of(100) {
+        if count >= FIRST && count.is_multiple_of(STEP) {
             if let Some(edge) = self.decide() {
                 self.edge = Some(edge);
                 let (history, first) = (std::mem::take(&mut self.history), self.first);
                 for (k, &prompt) in (first..).zip(&history) {
-                    self.sum_bit(k, prompt, bits);
+                    self.push(k, prompt, symbols);
                 }
             } else if count >= PATIENCE {
                 self.history.clear();
@@ -77,24 +93,21 @@ impl BitSynchroniser {
         }
     }
 
-    fn sum_bit(&mut self, period: u64, prompt: Complex64, bits: &mut Vec<Bit>) {
-        let edge = self.edge.unwrap_or(0);
-        if (period + PERIODS_PER_BIT as u64 - edge).is_multiple_of(PERIODS_PER_BIT as u64) {
+    fn add(&mut self, period: u64, place: u64, prompt: Complex64, symbols: &mut Vec<Symbol>) {
+        if place == 0 {
             (self.sum, self.count) = (Complex64::ZERO, 0);
         }
         self.sum += prompt;
         self.count += 1;
-        let last =
-            (period + 1 + PERIODS_PER_BIT as u64 - edge).is_multiple_of(PERIODS_PER_BIT as u64);
-        if last && self.count == PERIODS_PER_BIT {
-            bits.push(Bit {
-                value: self.sum.re as f32,
-                first_period: period + 1 - PERIODS_PER_BIT as u64,
-            });
+        // The first may have begun before the track.
+        let cycle = self.timing.cycle;
+        if place + 1 == cycle as u64 && self.count == cycle {
+            let first_period = period + 1 - cycle as u64;
+            symbols.push(Symbol { value: self.sum.re as f32, first_period });
         }
     }
 
-    /// Edge (modulo 20), once certain.
+    /// Edge (modulo the cycle), once certain.
     fn decide(&self) -> Option<u64> {
         let count = self.history.len();
         let skipped = count.saturating_sub(RUN);
@@ -105,9 +118,9 @@ impl BitSynchroniser {
             return None;
         }
         let span = CarrierSpan { frequency_hz: SPAN_HZ, rate_hz_s: 0.0 };
-        let carrier = estimate_carrier(run, span)?;
+        let carrier = estimate_carrier(run, self.timing, span)?;
         let first = self.first + skipped as u64;
-        Some((first + carrier.bit_edge? as u64) % PERIODS_PER_BIT as u64)
+        Some((first + carrier.symbol_edge? as u64) % self.timing.cycle as u64)
     }
 }
 
@@ -118,6 +131,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
+    const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
+
     #[test]
     fn edges_are_found_and_all_bits_given_at_thirty_dbhz() {
         for seed in 0..100u64 {
@@ -125,7 +140,7 @@ mod tests {
             let data: Vec<f64> =
                 (0..300).map(|_| if rng.next_u32() & 1 == 0 { 1.0 } else { -1.0 }).collect();
             let edge = seed % 20;
-            let mut sync = BitSynchroniser::new(None);
+            let mut sync = SymbolSynchroniser::new(TIMING, None);
             let mut bits = Vec::new();
             for k in 0..5000u64 {
                 let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -146,7 +161,7 @@ mod tests {
     #[test]
     fn noise_has_no_edge() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut sync = BitSynchroniser::new(None);
+        let mut sync = SymbolSynchroniser::new(TIMING, None);
         let mut bits = Vec::new();
         for k in 0..20_000 {
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };

@@ -1,13 +1,14 @@
-//! From the subframes of all satellites to navigation data.
+//! From the pages of all satellites to navigation data.
 
-use super::{
+use super::lnav::{
     Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, Message, Subframe, Subframe1, Subframe2,
     Subframe3, assemble, resolve_week,
 };
+use super::{Content, sbas};
 use crate::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
-/// What a subframe brought.
+/// What a page brought.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Update {
     /// A new ephemeris of this satellite.
@@ -18,6 +19,8 @@ pub enum Update {
     Almanac(Sv),
     /// Health words of satellites.
     Health,
+    /// A message of this type of an SBAS satellite.
+    Sbas(Sv, u8),
 }
 
 /// Latest parts of one satellite's ephemeris.
@@ -28,7 +31,7 @@ struct Parts {
     orientation: Option<Subframe3>,
 }
 
-/// Gathers navigation data from subframes.
+/// Gathers navigation data from pages.
 ///
 /// An ephemeris is taken when the low eight bits of IODC and both IODEs agree (IS-GPS-200N 20.3.4.4);
 /// after a cutover the parts of the old issue wait until all three of the new are there, and are never
@@ -43,6 +46,8 @@ pub struct NavigationCollector {
     data: NavigationData,
     almanacs: BTreeMap<Sv, Almanac>,
     health: BTreeMap<Sv, u8>,
+    /// By satellite and message type.
+    sbas: BTreeMap<Sv, BTreeMap<u8, sbas::Message>>,
 }
 
 impl Default for NavigationCollector {
@@ -62,11 +67,22 @@ impl NavigationCollector {
             data: NavigationData::default(),
             almanacs: BTreeMap::new(),
             health: BTreeMap::new(),
+            sbas: BTreeMap::new(),
         }
     }
 
-    /// Takes a subframe of a satellite and says what is new.
-    pub fn add(&mut self, sv: Sv, subframe: &Subframe) -> Option<Update> {
+    /// Takes what a page of a satellite says, and tells what is new.
+    pub fn add(&mut self, sv: Sv, content: &Content) -> Option<Update> {
+        match content {
+            Content::Lnav(subframe) => self.add_subframe(sv, subframe),
+            Content::Sbas(message) => {
+                self.sbas.entry(sv).or_default().insert(message.kind, message.clone());
+                Some(Update::Sbas(sv, message.kind))
+            }
+        }
+    }
+
+    fn add_subframe(&mut self, sv: Sv, subframe: &Subframe) -> Option<Update> {
         let parts = self.parts.entry(sv).or_default();
         match subframe.message() {
             Message::Clock(clock) => {
@@ -108,10 +124,10 @@ impl NavigationCollector {
         &self.health
     }
 
-    /// When the first bit of a subframe was sent, by its satellite's clock: the instant of its time of
-    /// week nearest the newest subframe 1; none before any satellite's subframe 1 has told the week.
-    pub fn transmission_time(&self, subframe: &Subframe) -> Option<GpsTime> {
-        Some(self.newest?.nearest_with_tow(subframe.tow()))
+    /// The newest message of each type that an SBAS satellite sent, by type: corrections as they were sent,
+    /// applied to nothing.
+    pub fn sbas(&self, sv: Sv) -> impl Iterator<Item = &sbas::Message> {
+        self.sbas.get(&sv).into_iter().flat_map(BTreeMap::values)
     }
 
     /// Weeks modulo 256 of the UTC parameters mean nothing before a subframe 1 has told the week.
@@ -154,20 +170,20 @@ impl NavigationCollector {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Header, Health1To24, decode_words, encode_subframe};
+    use super::super::lnav::{Header, Health1To24, decode_words, encode_subframe};
     use super::*;
     use crate::Ephemeris;
     use crate::atmosphere::Klobuchar;
     use crate::navigation_data::UtcParameters;
     use crate::orbit::broadcast::sample_ephemeris;
 
-    fn received(id: u8, tow: f64, message: &Message) -> Subframe {
+    fn received(id: u8, tow: f64, message: &Message) -> Content {
         let header = Header::new(id, tow);
         let words = decode_words(&encode_subframe(&header, message).unwrap(), 0).unwrap();
-        Subframe { start_index: 0, inverted: false, header, words }
+        Content::Lnav(Subframe { start_index: 0, inverted: false, header, words })
     }
 
-    fn frame(eph: &Ephemeris, tow: f64) -> [Subframe; 3] {
+    fn frame(eph: &Ephemeris, tow: f64) -> [Content; 3] {
         [
             received(1, tow, &Message::Clock(Subframe1::new(eph, 2190))),
             received(2, tow + 6.0, &Message::Orbit(eph.into())),
@@ -222,10 +238,9 @@ mod tests {
             Some(Update::IonosphereUtc)
         );
         assert_eq!((collector.data().ionosphere, collector.data().utc), (Some(klobuchar), None));
-        let [s1, s2, _] = frame(&eph, 511_230.0);
+        let [s1, ..] = frame(&eph, 511_230.0);
         collector.add(eph.sv, &s1);
         assert_eq!(collector.data().utc, Some(utc));
-        assert_eq!(collector.transmission_time(&s2), Some(GpsTime::from_week_tow(2190, 511_236.0)));
         let mut health = [0; 24];
         health[10] = 63;
         let page = Message::Health1To24(Health1To24 { toa: 0.0, week_a: 0, health });
