@@ -66,6 +66,7 @@ impl Printed<'_> {
             epochs: &self.record.epochs,
             fixes: &self.record.fixes,
             navigation: &self.record.navigation,
+            sbas: &self.record.sbas,
             noise: self.record.noise.as_ref(),
             warnings: &warnings,
             reason: reason.as_deref(),

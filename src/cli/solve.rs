@@ -244,6 +244,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         epochs: &solved.epochs,
         fixes: &solved.fixes,
         navigation: &navigation,
+        sbas: &[],
         noise: None,
         warnings: &warnings,
         reason: reason.as_deref(),

@@ -9,8 +9,9 @@ use crate::acquisition::Refined;
 use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::Note;
 use crate::front_end::ImpulseReport;
-use crate::gnss::NavigationData;
+use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::{NavigationData, Sv};
 use crate::position::Fix;
 
 /// What a run found.
@@ -26,6 +27,8 @@ pub struct Record {
     pub navigation: NavigationData,
     /// Navigation data that came from the signals alone.
     pub decoded: NavigationData,
+    /// The newest message of each type of each SBAS satellite.
+    pub sbas: Vec<(Sv, sbas::Message)>,
     /// Signal from the first sample on that the first fix needed, s.
     pub first_fix_s: Option<f64>,
     /// Samples of each channel, at the receiver's rate.
@@ -72,6 +75,7 @@ impl Recorder {
         if let Some(tracks) = end.tracks {
             record.samples = tracks.samples;
             record.decoded = tracks.decoded.clone();
+            record.sbas.clone_from(&tracks.sbas);
             record.navigation.merge(tracks.decoded.clone());
             let Resolved { epochs, fixes, reason } =
                 tracks.resolve(&record.navigation, found, options);

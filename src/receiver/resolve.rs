@@ -2,8 +2,9 @@
 
 use super::ReceiverOptions;
 use super::event::NoFix;
+use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
-use crate::gnss::{GpsTime, NavigationData};
+use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::position::{Fix, PositioningError, solve_epoch};
 use crate::tracking::{TrackLog, observation_epochs};
 use rayon::prelude::*;
@@ -18,6 +19,8 @@ pub struct Tracks {
     pub(super) rate_hz: f64,
     pub(super) samples: u64,
     pub(super) decoded: NavigationData,
+    /// The newest message of each type of each SBAS satellite.
+    pub(super) sbas: Vec<(Sv, sbas::Message)>,
     /// Signal after which four satellites were dated and had ephemerides, s.
     pub(super) ready_s: Option<f64>,
 }

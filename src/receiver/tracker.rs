@@ -348,7 +348,9 @@ impl Tracker {
         logs.extend(self.tracks.into_iter().map(|t| t.log));
         let mut ready: Vec<f64> = self.ready.into_values().collect();
         ready.sort_by(f64::total_cmp);
+        let of = |sv| self.collector.sbas(sv).map(move |message| (sv, message.clone()));
         Tracks {
+            sbas: self.collector.sbas_satellites().flat_map(of).collect(),
             logs,
             rate_hz: self.rate_hz,
             samples,

@@ -7,6 +7,7 @@ use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
+use crate::gnss::message::sbas;
 use crate::position::{Fix, FixMethod};
 use serde::Serialize;
 
@@ -25,6 +26,9 @@ pub struct Document {
     #[serde(skip_serializing_if = "Option::is_none")]
     sky: Option<ArraySkyRecord>,
     acquisitions: Vec<AcquisitionRecord>,
+    /// The newest message of each type of each SBAS satellite.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    sbas: Vec<SbasRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_fix_s: Option<f64>,
     fixes: Vec<FixRecord>,
@@ -68,6 +72,14 @@ pub(super) struct AcquisitionRecord {
     cn0_dbhz: f64,
     statistic: f64,
     false_alarm: f64,
+}
+
+/// A message of an SBAS satellite: its type and what it says.
+#[derive(Clone, Debug, Serialize)]
+struct SbasRecord {
+    sv: Sv,
+    #[serde(flatten)]
+    message: sbas::Message,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -135,12 +147,19 @@ impl Document {
             noise: run.noise.cloned(),
             sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
+            sbas: run.sbas.iter().map(SbasRecord::new).collect(),
             first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(|f| FixRecord::new(f, directions(run, f.sample))).collect(),
             accuracy: run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),
         }
+    }
+}
+
+impl SbasRecord {
+    fn new((sv, message): &(Sv, sbas::Message)) -> Self {
+        Self { sv: *sv, message: message.clone() }
     }
 }
 

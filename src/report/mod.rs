@@ -40,8 +40,9 @@ use crate::acquisition::Acquisition;
 use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
-use crate::gnss::NavigationData;
+use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::{NavigationData, Sv};
 use crate::position::Fix;
 
 /// What a run was made from.
@@ -85,6 +86,8 @@ pub struct Run<'a> {
     pub fixes: &'a [Fix],
     /// Ephemerides, ionosphere and UTC that were used or decoded.
     pub navigation: &'a NavigationData,
+    /// The newest message of each type of each SBAS satellite.
+    pub sbas: &'a [(Sv, sbas::Message)],
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<&'a ImpulseReport>,
     /// What a person should know.

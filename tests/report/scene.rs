@@ -64,6 +64,7 @@ impl Scene {
         Run {
             sky: None,
             sky_epochs: &[],
+            sbas: &[],
             noise: None,
             capture: "scene & co.bin",
             input: Input::Samples(&self.stream),

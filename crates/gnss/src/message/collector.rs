@@ -130,6 +130,11 @@ impl NavigationCollector {
         self.sbas.get(&sv).into_iter().flat_map(BTreeMap::values)
     }
 
+    /// SBAS satellites whose messages were received.
+    pub fn sbas_satellites(&self) -> impl Iterator<Item = Sv> {
+        self.sbas.keys().copied()
+    }
+
     /// Weeks modulo 256 of the UTC parameters mean nothing before a subframe 1 has told the week.
     fn resolve_utc(&mut self) {
         if let (Some(page), Some(newest)) = (&self.page_18, self.newest) {
