@@ -12,7 +12,7 @@
 //! [`Block`](capture::Block): channels x samples, planar `Complex<f32>`. Raw types, packed bits, SigMF, ION
 //! metadata and WAV are told apart; memory does not grow with the length of a file.
 //!
-//! **[`front_end`]**: impulses are suppressed by the law that the samples show, the intermediate frequency is
+//! **[`front_end`]**: impulses are suppressed by the distribution that the samples show, the intermediate frequency is
 //! removed, the rate lowered, level and spectrum measured.
 //!
 //! **[`array`](mod@array)**: the channels of an antenna array: jammers located and removed, sources counted and located
@@ -20,7 +20,7 @@
 //! that names signals which all come from one direction.
 //!
 //! **[`acquisition`]**: [`SearchPlan`](acquisition::SearchPlan) looks at every code phase and Doppler with a
-//! chosen false-alarm probability; [`search_code_periods`](acquisition::search_code_periods) finds most of
+//! chosen false-alarm probability; [`search_code_periods`](array::code_periods::search_code_periods) finds most of
 //! them in a few singular vectors instead; [`Refiner`](acquisition::Refiner) measures what was found to the
 //! Cramer-Rao bound; the set of satellites tells mirrored spectra and missing samples.
 //!
@@ -28,19 +28,19 @@
 //! frequency and code loops, one [`Epoch`](tracking::Epoch) per code period, one [`Bit`](tracking::Bit)
 //! per twenty, and says when it has lost it.
 //!
-//! **[`navigation`]**: bits become subframes (parity, polarity, time of week), subframes ephemerides,
+//! **[`gnss::message`]**: bits become subframes (parity, polarity, time of week), subframes ephemerides,
 //! ionosphere and UTC, accepted only when their issue numbers agree.
 //!
-//! **[`observables`]**: tracks at one instant, or a snapshot's code phases, become
-//! [`Observation`](observables::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
+//! **[`gnss::observation`]**: tracks at one instant, or a snapshot's code phases, become
+//! [`Observation`](gnss::observation::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
 //!
-//! **[`positioning`]**: a [`Solver`](positioning::Solver) leads from the Earth's centre to the region by
+//! **[`position`]**: a [`Solver`](position::Solver) leads from the Earth's centre to the region by
 //! pseudoranges, Dopplers or both; then the full model, a residual test with exclusion, velocity, covariance.
 //! A snapshot needs neither place nor time. It knows of no files and no samples.
 //!
 //! **[`network`]**: many receivers' [`LinearModel`](network::LinearModel)s become one solution at each of them,
 //! without a centre: a [`Station`](network::station::Station) is a state machine that any transport may carry.
-//! **[`network_file`]** reads networks.
+//! **[`network::file`]** reads networks.
 //!
 //! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
 //!

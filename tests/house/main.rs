@@ -65,7 +65,7 @@ fn upward(house: &House, floors: &Floors) -> Vec<String> {
         .into_iter()
         .filter(|(_, from, to)| floor(to).is_none() || floor(to) >= floor(from))
         .map(|(path, from, to)| {
-            format!("{path}: {from} (floor {:?}) imports {to} ({:?})", floor(&from), floor(&to))
+            format!("{path}: {from} (floor {:?}) imports {to} ({:?})", floor(from), floor(&to))
         })
         .collect()
 }

@@ -18,7 +18,7 @@ const WAITING_PACKETS: usize = 4096;
 
 /// What comes from a neighbour.
 #[derive(Debug)]
-pub enum Event {
+pub(crate) enum Event {
     /// Bytes on one of our keys.
     Packet(Vec<u8>),
     /// A node was heard of.

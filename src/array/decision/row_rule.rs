@@ -40,7 +40,7 @@ pub fn row_noise(residual: &CMat) -> f64 {
 /// Sources in an estimate X, a row per point of `grid` and a column per snapshot, the strongest first.
 ///
 /// `grid` is in rising order for a linear array (any steps), and for a plane a square grid of equal steps as
-/// [`super::Manifold::grid`] makes it, where rows touch at sides and corners. `noise` is [`row_noise`].
+/// [`Manifold::grid`](crate::array::Manifold::grid) makes it, where rows touch at sides and corners. `noise` is [`row_noise`].
 pub fn row_rule(estimate: &CMat, grid: &[Point], noise: f64) -> Vec<Group> {
     let columns = estimate.ncols().max(1) as f64;
     let mean = |l: usize| estimate.row(l).iter().map(|x| x.norm()).sum::<f64>() / columns;

@@ -31,7 +31,7 @@
 //! * The iteration is bounded where eta mu (lambda_max(A A^H) + gamma^2) < 4; on the paper's grid lambda_max is
 //!   183.6, thus mu < 0.064 at eta = 0.3, gamma = 5.
 //! * The steps are absolute numbers: the snapshots must have the paper's scale, a median |Y| of about 60
-//!   ([`sparse::solve`](super::sparse::solve) sees to that).
+//!   ([`sparse::solve`](super::solve) sees to that).
 //!
 //! Columns never meet: (8) is one problem per snapshot.
 

@@ -112,7 +112,7 @@ impl ArrayDescription {
     }
 
     /// The ideal array in the frame east, north, up: what a receiver, after calibration, takes it for.
-    /// Directions of its [`Manifold`](crate::array::Manifold) are then azimuths and elevations.
+    /// Directions of its manifold are then azimuths and elevations.
     pub fn in_enu(&self) -> AntennaArray {
         let turn = self.attitude.to_enu();
         AntennaArray::new(self.array.elements_m.iter().map(|p| turn * p).collect())

@@ -73,7 +73,7 @@ pub struct Ephemeris {
 /// Where a satellite is and how its clock stands, at one instant of GPS time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SatelliteState {
-    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see [`Propagation`](super::orbit::Propagation)).
+    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see [`Propagation`](super::Propagation)).
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, in the rotating ECEF frame.
     pub velocity_mps: Vector3<f64>,

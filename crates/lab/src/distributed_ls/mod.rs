@@ -2,7 +2,7 @@
 //! (Meas. Sci. Technol. 30 (2019) 044005), figures 8 to 11, on a made network of the same size: 110 stations,
 //! 118 links, nine constraint nodes.
 //!
-//! Stations, links and satellites are ours (see [`scene`]), so that shapes and orders are compared, not values.
+//! Stations, links and satellites are ours (see [`scene`](sdr_rx::network::scene)), so that shapes and orders are compared, not values.
 //! Our reading of figure 8: the errors of a centre's filter over 2.5 h stay within 3 sigma, and the nodes' filter
 //! keeps up with it by a few iterations an epoch.
 
