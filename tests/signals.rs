@@ -126,7 +126,10 @@ fn messages_of_sbas_come_through_search_tracking_and_decoder() -> Result<(), Fai
     assert!((channel.cn0_dbhz().ok_or("no C/N0")? - CN0_DBHZ).abs() < 0.5);
     assert!((channel.doppler_hz() - DOPPLER_HZ).abs() < 5.0 * channel.doppler_sigma_hz());
     let read: Vec<Content> = pages.iter().map(|p| p.content.clone()).collect();
-    assert_eq!(read, sent[1..5].iter().cloned().map(Content::Sbas).collect::<Vec<_>>());
+    assert_eq!(
+        read,
+        sent[1..5].iter().cloned().map(|m| Content::Sbas(Box::new(m))).collect::<Vec<_>>()
+    );
     let mut collector = NavigationCollector::default();
     let updates: Vec<_> = read.iter().filter_map(|c| collector.add(sv, c)).collect();
     assert_eq!(updates, [9, 1, 25, 63].map(|kind| Update::Sbas(sv, kind)));
@@ -176,7 +179,9 @@ fn an_ephemeris_of_qzss_comes_through_an_ordinary_scenario() -> Result<(), Failu
     let (channel, pages) = receive(block.channel(0), signal::of(sv))?;
     assert_eq!(channel.lock(), LockState::Locked);
     let mut collector = NavigationCollector::new(start.week());
-    pages.iter().for_each(|page| drop(collector.add(sv, &page.content)));
+    for page in &pages {
+        collector.add(sv, &page.content);
+    }
     let read =
         collector.data().iter().next().ok_or(format!("{} pages, no ephemeris", pages.len()))?;
     // What the file's twelve digits and the message's fields leave (0.02 m, a fifth of it by either).

@@ -76,7 +76,10 @@ impl NavigationCollector {
         match content {
             Content::Lnav(subframe) => self.add_subframe(sv, subframe),
             Content::Sbas(message) => {
-                self.sbas.entry(sv).or_default().insert(message.kind, message.clone());
+                self.sbas
+                    .entry(sv)
+                    .or_default()
+                    .insert(message.kind, sbas::Message::clone(message));
                 Some(Update::Sbas(sv, message.kind))
             }
         }

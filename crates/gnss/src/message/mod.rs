@@ -36,5 +36,5 @@ pub enum Content {
     /// A subframe of the legacy message of GPS and QZSS.
     Lnav(lnav::Subframe),
     /// A message of SBAS L1.
-    Sbas(sbas::Message),
+    Sbas(Box<sbas::Message>),
 }

@@ -92,7 +92,7 @@ impl Candidate {
     fn release(&mut self, ready: &mut VecDeque<Page>) {
         if let (false, Some(message)) = (self.released, Message::decode(&self.bits)) {
             let (start_index, tow_s) = (self.start_index, message.tow_s());
-            ready.push_back(Page { start_index, tow_s, content: Content::Sbas(message) });
+            ready.push_back(Page { start_index, tow_s, content: Content::Sbas(Box::new(message)) });
         }
         self.released = true;
     }
