@@ -36,13 +36,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
     let observation = |s: &SatelliteTruth| Observation {
         sv: s.sv,
-        range: CodeRange::Pseudorange(s.pseudorange_m),
+        range: Some(CodeRange::Pseudorange(s.pseudorange_m)),
         range_sigma_m: 1.0,
-        doppler_hz: s.doppler_hz,
+        doppler_hz: Some(s.doppler_hz),
         doppler_sigma_hz: 0.1 / L1_WAVELENGTH,
         carrier_phase_cycles: None,
         lost_lock: false,
-        cn0_dbhz: s.cn0_dbhz,
+        cn0_dbhz: Some(s.cn0_dbhz),
     };
     let epoch = ObservationEpoch {
         receive_time: scenario.start,
@@ -50,9 +50,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         observations: truth.satellites.iter().map(observation).collect(),
     };
     let fix = solve_epoch(&epoch, &scenario.navigation()?, &PositioningOptions::default())?;
-    let speed = fix.velocity_mps.map_or(f64::NAN, |v| v.norm());
+    let speed = fix.velocity_mps.ok_or("no velocity")?.norm();
+    let clock_bias_s = fix.clock_bias_s.ok_or("no clock")?;
     println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
-    println!("      {speed:.3} m/s, clock {:+.3} us", fix.clock_bias_s * 1e6);
+    println!("      {speed:.3} m/s, clock {:+.3} us", clock_bias_s * 1e6);
     if error_m(&bare.state.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
         return Err("noise-free observations must give the place".into());
     }

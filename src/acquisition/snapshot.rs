@@ -24,13 +24,13 @@ pub fn snapshot_epoch(
             let modulo_s = (-sent_s).rem_euclid(CA_CODE_PERIOD);
             Observation {
                 sv: a.sv,
-                range: CodeRange::ModuloCodePeriod(modulo_s * SPEED_OF_LIGHT),
+                range: Some(CodeRange::ModuloCodePeriod(modulo_s * SPEED_OF_LIGHT)),
                 range_sigma_m: r.code_sigma_chips / CA_CHIP_RATE * SPEED_OF_LIGHT,
-                doppler_hz: a.doppler_hz,
+                doppler_hz: Some(a.doppler_hz),
                 doppler_sigma_hz: r.doppler_sigma_hz,
                 carrier_phase_cycles: None,
                 lost_lock: false,
-                cn0_dbhz: a.cn0_dbhz,
+                cn0_dbhz: Some(a.cn0_dbhz),
             }
         })
         .collect();

@@ -250,7 +250,7 @@ fn solve_head(samples: u64, rate_hz: f64, options: &ReceiverOptions, outcome: &m
             match solved {
                 Ok(fix) => {
                     // Without a time the clock has no reading that could be off.
-                    let clock_bias_s = options.time.map_or(0.0, |_| fix.clock_bias_s);
+                    let clock_bias_s = options.time.map_or(Some(0.0), |_| fix.clock_bias_s);
                     outcome.warnings.extend(fix.time_search.and_then(|s| left_out(&s)));
                     outcome.first_fix_s = Some(samples as f64 / rate_hz);
                     outcome.fixes.push(Fix { clock_bias_s, ..fix });

@@ -395,8 +395,8 @@ impl Tracker<'_> {
             solve_epoch(epoch, &outcome.navigation, &self.options.positioning.positioning)
         };
         // The first solution tells the receiver's clock; times are then right to 0.1 us.
-        let first = epochs_from(origin).iter().find_map(|e| solve(e).ok());
-        let origin = first.map_or(origin, |fix| round_time(origin - fix.clock_bias_s));
+        let first = epochs_from(origin).iter().find_map(|e| solve(e).ok()?.clock_bias_s);
+        let origin = first.map_or(origin, |bias_s| round_time(origin - bias_s));
         let epochs = epochs_from(origin);
         let solved: Vec<_> = epochs.par_iter().map(solve).collect();
         let error = solved.iter().rev().find_map(|s| s.as_ref().err()).map(ToString::to_string);

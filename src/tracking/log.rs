@@ -133,13 +133,13 @@ pub fn observation_epochs(
             let sent = receive_time.nearest_with_tow(tow.rem_euclid(604_800.0));
             observations.push(Observation {
                 sv: log.sv,
-                range: CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT),
+                range: Some(CodeRange::Pseudorange((receive_time - sent) * SPEED_OF_LIGHT)),
                 range_sigma_m: m.quality.code_sigma_m,
-                doppler_hz: m.doppler_hz,
+                doppler_hz: Some(m.doppler_hz),
                 doppler_sigma_hz: m.quality.doppler_sigma_hz,
                 carrier_phase_cycles: Some(-m.carrier_cycles),
                 lost_lock,
-                cn0_dbhz: m.quality.cn0_dbhz,
+                cn0_dbhz: Some(m.quality.cn0_dbhz),
             });
         }
         observations.sort_by_key(|o| o.sv);
@@ -193,7 +193,7 @@ mod tests {
             let expected = (0.07
                 - (t - start) * speed / SPEED_OF_LIGHT / (1.0 - speed / SPEED_OF_LIGHT))
                 * SPEED_OF_LIGHT;
-            let CodeRange::Pseudorange(range) = o.range else { panic!("a full pseudorange") };
+            let range = o.pseudorange_m().unwrap();
             // A time of week in f64 has 6e-11 s (17 mm).
             assert!((range - expected).abs() < 0.04, "{range} {expected}");
             let cycles = speed / crate::gnss::constants::L1_WAVELENGTH * (t - start);

@@ -123,9 +123,9 @@ fn snapshot(
         epoch.receive_time =
             epoch.receive_time + off_s * ((37.0 * k as f64).rem_euclid(120.0) / 60.0 - 1.0);
         for observation in &mut epoch.observations {
-            if let CodeRange::Pseudorange(range_m) = observation.range {
+            if let Some(range_m) = observation.pseudorange_m() {
                 let phase_m = range_m.rem_euclid(SPEED_OF_LIGHT * 1e-3);
-                observation.range = CodeRange::ModuloCodePeriod(phase_m);
+                observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
             }
         }
     }

@@ -175,12 +175,12 @@ impl Adjustment<'_> {
         let observable = self.options.observable;
         let mut rows = Vec::with_capacity(2 * used.len());
         for (satellite, (sighting, sight)) in used.iter().zip(sights).enumerate() {
-            if observable.contains(BIAS) {
+            if let Some(range_m) = sighting.range_m.filter(|_| observable.contains(BIAS)) {
                 rows.push(Row {
                     satellite,
                     clock: BIAS,
                     gradient: -sight.direction,
-                    residual: sighting.range_m - sight.range_m - state[BIAS],
+                    residual: range_m - sight.range_m - state[BIAS],
                     noise: sighting.observation.range_sigma_m,
                     model: sight.range_sigma_m,
                 });

@@ -67,12 +67,12 @@ pub(super) fn cold_start(
     let (mut ranges, mut rates) = (Column::default(), Column::default());
     let time = adjustment.receive_time;
     for s in set {
-        if adjustment.options.observable != Observable::Doppler {
-            let sent = time - s.range_m / SPEED_OF_LIGHT;
+        if let Some(range_m) = s.range_m {
+            let sent = time - range_m / SPEED_OF_LIGHT;
             let clock_s = s.orbit.state(sent).clock_bias_s;
             let state = s.orbit.state(sent - clock_s);
             let sigma = s.observation.range_sigma_m.hypot(BARE_RANGE_SIGMA_M);
-            ranges.push(&state, s.range_m + SPEED_OF_LIGHT * state.clock_bias_s, sigma);
+            ranges.push(&state, range_m + SPEED_OF_LIGHT * state.clock_bias_s, sigma);
         }
         if let Some((rate, sigma)) = s.range_rate() {
             let state = s.orbit.state(time - FLIGHT_S);

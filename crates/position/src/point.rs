@@ -69,8 +69,9 @@ pub(super) fn sightings<'a>(
     let time = epoch.receive_time;
     let sighting = |o: &'a Observation| match (observable, o.range) {
         (Observable::Doppler, _) => Sighting::of_doppler(o, time, nav),
-        (_, CodeRange::Pseudorange(range_m)) => Sighting::new(o, range_m, time, nav),
-        (_, CodeRange::ModuloCodePeriod(_)) => Err(DropReason::WrongKindOfRange),
+        (_, Some(CodeRange::Pseudorange(range_m))) => Sighting::new(o, range_m, time, nav),
+        (_, Some(CodeRange::ModuloCodePeriod(_))) => Err(DropReason::WrongKindOfRange),
+        (_, None) => Err(DropReason::NotANumber),
     };
     select_by(epoch, sighting, 4)
 }
@@ -87,10 +88,10 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
         let code = point.rows.iter().find(|r| r.satellite == k && r.clock == BIAS);
         Residual {
             sv: sighting.observation.sv,
-            range_m: code.map_or(f64::NAN, |row| row.residual),
-            doppler_hz: moving.map_or(f64::NAN, |(velocity, drift)| {
-                sighting.observation.doppler_hz + sight.range_rate(&velocity, drift) / L1_WAVELENGTH
-            }),
+            range_m: code.map(|row| row.residual),
+            doppler_hz: sighting.observation.doppler_hz.zip(moving).map(
+                |(observed, (v, drift))| observed + sight.range_rate(&v, drift) / L1_WAVELENGTH,
+            ),
             azimuth: sight.azimuth,
             elevation: sight.elevation,
         }
@@ -105,9 +106,9 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &SolveOpti
     excluded.sort();
     let covariance: Matrix4<f64> = point.covariance.fixed_view::<4, 4>(0, 0).into_owned();
     let mut covariance = point.geometry.local(&covariance);
-    let mut clock_bias_s = point.state[BIAS] / SPEED_OF_LIGHT;
+    let mut clock_bias_s = Some(point.state[BIAS] / SPEED_OF_LIGHT);
     if options.observable == Observable::Doppler {
-        clock_bias_s = f64::NAN;
+        clock_bias_s = None;
         covariance.row_mut(BIAS).fill(f64::NAN);
         covariance.column_mut(BIAS).fill(f64::NAN);
     }

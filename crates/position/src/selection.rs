@@ -15,7 +15,8 @@ pub(super) fn select<'a>(
 ) -> Result<Vec<Sighting<'a>>, PositioningError> {
     let time = epoch.receive_time;
     let sighting = |observation: &'a Observation| {
-        range_m(observation.range)
+        let range = observation.range.ok_or(DropReason::NotANumber)?;
+        range_m(range)
             .ok_or(DropReason::WrongKindOfRange)
             .and_then(|range_m| Sighting::new(observation, range_m, time, nav))
     };

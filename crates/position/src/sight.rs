@@ -15,8 +15,8 @@ use sdr_rx_gnss::{GpsTime, NavigationData, Orbit};
 pub(super) struct Sighting<'a> {
     pub observation: &'a Observation,
     pub orbit: Orbit<'a>,
-    /// Pseudorange, or pseudorange modulo the code period, m.
-    pub range_m: f64,
+    /// Pseudorange, or pseudorange modulo the code period, m; none where the Doppler alone is used.
+    pub range_m: Option<f64>,
 }
 
 /// The prediction for one satellite.
@@ -148,7 +148,7 @@ impl<'a> Sighting<'a> {
             return Err(DropReason::NotANumber);
         }
         let orbit = nav.orbit(observation.sv, t)?;
-        Ok(Self { observation, orbit, range_m })
+        Ok(Self { observation, orbit, range_m: Some(range_m) })
     }
 
     /// The same for its Doppler alone, which must be a number; the range is none.
@@ -158,13 +158,13 @@ impl<'a> Sighting<'a> {
         nav: &'a NavigationData,
     ) -> Result<Self, DropReason> {
         let orbit = nav.orbit(observation.sv, t)?;
-        let sighting = Self { observation, orbit, range_m: f64::NAN };
+        let sighting = Self { observation, orbit, range_m: None };
         sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
     }
 
     /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
     pub fn range_rate(&self) -> Option<(f64, f64)> {
-        let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);
+        let (doppler, sigma) = (self.observation.doppler_hz?, self.observation.doppler_sigma_hz);
         (doppler.is_finite() && sigma.is_finite() && sigma > 0.0)
             .then_some((-L1_WAVELENGTH * doppler, L1_WAVELENGTH * sigma))
     }

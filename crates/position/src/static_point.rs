@@ -16,7 +16,7 @@
 use super::adjustment::{Adjustment, BIAS, DRIFT, Row, Unknowns};
 use super::error::PositioningError;
 use super::fix::Fix;
-use super::options::{Observable, SolveOptions};
+use super::options::SolveOptions;
 use super::point::{sightings, solve_observed};
 use super::sight::Sighting;
 use super::solver::outcome::Step;
@@ -54,9 +54,7 @@ pub fn solve_static(
                 set.retain(used);
                 let place = fix.position_m;
                 let mut state = Unknowns::new(place.x, place.y, place.z, 0.0, 0.0);
-                if options.observable != Observable::Doppler {
-                    state[BIAS] = fix.clock_bias_s * SPEED_OF_LIGHT;
-                }
+                state[BIAS] = fix.clock_bias_s.unwrap_or(0.0) * SPEED_OF_LIGHT;
                 state[DRIFT] = fix.clock_drift_sps.unwrap_or(0.0) * SPEED_OF_LIGHT;
                 let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
                 solved.push((fix, set, adjustment, state));
@@ -187,7 +185,7 @@ mod tests {
                 let mut epoch = truth.observe(&nav, &options.positioning, 0.1);
                 for observation in &mut epoch.observations {
                     let noise: f64 = StandardNormal.sample(&mut rng);
-                    if let CodeRange::Pseudorange(range_m) = &mut observation.range {
+                    if let Some(CodeRange::Pseudorange(range_m)) = &mut observation.range {
                         *range_m += noise;
                     }
                 }
@@ -204,7 +202,7 @@ mod tests {
         let sigma = |fix: &Fix| fix.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
         assert!(sigma(&fix) < sigma(&one) && sigma(&fix) > error_m / 4.0);
         assert!((one.covariance - single(&epochs[0], &nav)).norm() < 1e-3 * one.covariance.norm());
-        assert!((fix.clock_bias_s - truth.bias_s).abs() * SPEED_OF_LIGHT < 10.0);
+        assert!((fix.clock_bias_s.unwrap() - truth.bias_s).abs() * SPEED_OF_LIGHT < 10.0);
     }
 
     /// The covariance of an epoch by itself.

@@ -301,7 +301,7 @@ impl<'a> Blind<'a> {
         let excluded = excluded.into_iter().collect();
         let fix = finish(&problem, epoch, &hypothesis.set, best.found.clone(), excluded)?;
         Ok(Fix {
-            clock_bias_s: epoch.receive_time - fix.time,
+            clock_bias_s: Some(epoch.receive_time - fix.time),
             time_search: Some(TimeSearch {
                 searched_s: self.window.searched_s(),
                 left_out_s: self.window.left_out_s,

@@ -103,9 +103,9 @@ impl CoarseTime<'_> {
                         sigma.hypot(sight.rate_sigma_mps).hypot(self.options.user_speed_mps);
                     push(row, residual, sigma);
                 }
-                let Some(integers) = integers else { continue };
+                let Some((integers, code_m)) = integers.zip(sighting.range_m) else { continue };
                 let g = -sight.direction;
-                let range_m = sighting.range_m + f64::from(integers[k]) * CODE_PERIOD_M;
+                let range_m = code_m + f64::from(integers[k]) * CODE_PERIOD_M;
                 let residual = range_m - sight.range_m - state[BIAS];
                 let sigma = sighting.observation.range_sigma_m.hypot(sight.range_sigma_m);
                 push(State::new(g.x, g.y, g.z, 1.0, 0.0, rate), residual, sigma);

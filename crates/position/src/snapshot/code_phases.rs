@@ -61,7 +61,8 @@ impl Prediction {
         let reference =
             (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
         let others: Vec<usize> = (0..set.len()).filter(|&k| k != reference).collect();
-        let offset = |k: usize| set[k].range_m - region.sights[k].range_m;
+        let observed = super::code_phases(set);
+        let offset = |k: usize| observed[k] - region.sights[k].range_m;
         let variance = |k: usize| {
             set[k].observation.range_sigma_m.powi(2) + region.sights[k].range_sigma_m.powi(2)
         };

@@ -251,10 +251,15 @@ fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, 
         .collect();
     let elevation = |k: &usize| region.sights[*k].elevation;
     let highest = (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
-    let bias_m = set[highest].range_m - predicted[highest];
-    let whole =
-        |(s, p): (&Sighting, &f64)| ((p + bias_m - s.range_m) / CODE_PERIOD_M).round() as i32;
-    (set.iter().zip(&predicted).map(whole).collect(), bias_m)
+    let observed = code_phases(set);
+    let bias_m = observed[highest] - predicted[highest];
+    let whole = |(o, p): (&f64, &f64)| ((p + bias_m - o) / CODE_PERIOD_M).round() as i32;
+    (observed.iter().zip(&predicted).map(whole).collect(), bias_m)
+}
+
+/// Code phases of a snapshot's satellites, m; each has one.
+fn code_phases(set: &[Sighting]) -> Vec<f64> {
+    set.iter().filter_map(|s| s.range_m).collect()
 }
 
 /// Applies the elevation mask and the last checks, and makes the fix.
@@ -322,9 +327,9 @@ fn finish(
     let residuals = used.iter().zip(&fix.sights).zip(&fix.code_residuals_m);
     let residuals = residuals.map(|((sighting, sight), &range_m)| Residual {
         sv: sighting.observation.sv,
-        range_m,
-        doppler_hz: sighting.observation.doppler_hz
-            + sight.range_rate(&velocity, drift) / L1_WAVELENGTH,
+        range_m: Some(range_m),
+        doppler_hz: (sighting.observation.doppler_hz)
+            .map(|observed| observed + sight.range_rate(&velocity, drift) / L1_WAVELENGTH),
         azimuth: sight.azimuth,
         elevation: sight.elevation,
     });
@@ -333,7 +338,7 @@ fn finish(
         sample: epoch.sample,
         position_m,
         velocity_mps: motion.map(|m| m.velocity_mps),
-        clock_bias_s: -fix.state[TIME],
+        clock_bias_s: Some(-fix.state[TIME]),
         clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
         covariance: geometry.local(&covariance),
         pdop: geometry.pdop,

@@ -137,8 +137,11 @@ impl<'a> TimeWindow<'a> {
             let sv = observation.sv;
             let sighting = match observation.range {
                 _ if usable.iter().any(|s| s.observation.sv == sv) => Err(DropReason::Duplicate),
-                CodeRange::Pseudorange(_) => Err(DropReason::WrongKindOfRange),
-                CodeRange::ModuloCodePeriod(m) => Sighting::new(observation, m, time, self.nav),
+                None => Err(DropReason::NotANumber),
+                Some(CodeRange::Pseudorange(_)) => Err(DropReason::WrongKindOfRange),
+                Some(CodeRange::ModuloCodePeriod(m)) => {
+                    Sighting::new(observation, m, time, self.nav)
+                }
             };
             match sighting {
                 Ok(sighting) => usable.push(sighting),

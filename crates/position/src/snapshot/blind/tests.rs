@@ -58,17 +58,18 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
     for Observation { range, range_sigma_m, doppler_hz, doppler_sigma_hz, .. } in
         &mut epoch.observations
     {
-        if let CodeRange::Pseudorange(range_m) = *range {
+        if let Some(CodeRange::Pseudorange(range_m)) = *range {
             let phase_m = (range_m + noise(class.code_sigma_m)).rem_euclid(CODE_PERIOD_M);
-            *range = CodeRange::ModuloCodePeriod(phase_m);
+            *range = Some(CodeRange::ModuloCodePeriod(phase_m));
         }
-        *doppler_hz += noise(class.doppler_sigma_hz);
+        *doppler_hz.as_mut().unwrap() += noise(class.doppler_sigma_hz);
         *range_sigma_m = class.code_sigma_m;
         *doppler_sigma_hz = class.doppler_sigma_hz;
     }
     for observation in epoch.observations.iter_mut().take(class.false_ones) {
-        observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
-        observation.doppler_hz = rng.random_range(-5e3..5e3);
+        let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
+        observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
+        observation.doppler_hz = Some(rng.random_range(-5e3..5e3));
     }
     epoch.observations.sort_by_key(|o| o.sv);
     let off_s = if class.uncertainty_s.is_finite() { class.uncertainty_s } else { 0.0 };
@@ -165,7 +166,7 @@ fn random_code_phases_pass_no_more_often_than_the_bound_says() {
             let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
             for observation in &mut epoch.observations {
                 let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
-                observation.range = CodeRange::ModuloCodePeriod(phase_m);
+                observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
             }
             let blind = Blind::new(&epoch, &nav, &options).unwrap();
             let search = blind.search(None);
