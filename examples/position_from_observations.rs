@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{L1_WAVELENGTH, SPEED_OF_LIGHT};
 use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::position::solver::aw_dgn_bt::aw_dgn_bt;
-use sdr_rx::position::solver::model::{Pseudorange, Satellite};
-use sdr_rx::position::{PositioningOptions, solve_epoch};
+use sdr_rx::position::{PositioningOptions, Row, Satellite, solve_epoch};
 use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use std::error::Error;
 
@@ -17,16 +16,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let error_m = |p: &Vector3<f64>| (p - Vector3::from(truth.position_ecef_m)).norm();
 
     // The bare algorithm: where the satellites were, and how far away.
-    let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = truth
+    let rows: Vec<Row> = truth
         .satellites
         .iter()
         .map(|s| {
             let position_m = s.position_ecef_m.into();
             let range_m = s.range_m + truth.clock_bias_s * SPEED_OF_LIGHT;
-            (Satellite { position_m, velocity_mps: Vector3::zeros() }, range_m)
+            Row::range(Satellite { position_m, velocity_mps: Vector3::zeros() }, range_m)
         })
-        .unzip();
-    let bare = aw_dgn_bt::<Pseudorange>(&satellites, &ranges)?;
+        .collect();
+    let bare = aw_dgn_bt(&rows)?;
     println!(
         "bare: {} iterations, off by {:.1e} m",
         bare.iterations,

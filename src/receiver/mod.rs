@@ -16,7 +16,7 @@ use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData};
-use crate::position::{Fix, PositioningError, SnapshotOptions, TimeSearch, solve_snapshot};
+use crate::position::{Fix, PositioningError, PositioningOptions, TimeSearch, solve_snapshot};
 use crate::tracking::TrackingOptions;
 use find::{BeamFormer, Region};
 use head::acquire_head;
@@ -46,7 +46,7 @@ pub struct ReceiverOptions {
     /// The loops.
     pub tracking: TrackingOptions,
     /// The position solutions.
-    pub positioning: SnapshotOptions,
+    pub positioning: PositioningOptions,
     /// Navigation data known beforehand.
     pub navigation: NavigationData,
     /// GPS time of the first sample, as well as it is known; without it a snapshot's time is searched for
@@ -73,7 +73,7 @@ impl Default for ReceiverOptions {
         Self {
             search: SearchOptions::default(),
             tracking: TrackingOptions::default(),
-            positioning: SnapshotOptions::default(),
+            positioning: PositioningOptions::default(),
             navigation: NavigationData::default(),
             time: None,
             interval_s: 1.0,

@@ -392,7 +392,7 @@ impl Tracker<'_> {
         };
         let epochs_from = |origin| observation_epochs(&logs, origin, self.spacing, self.rate_hz);
         let solve = |epoch: &ObservationEpoch| {
-            solve_epoch(epoch, &outcome.navigation, &self.options.positioning.positioning)
+            solve_epoch(epoch, &outcome.navigation, &self.options.positioning)
         };
         // The first solution tells the receiver's clock; times are then right to 0.1 us.
         let first = epochs_from(origin).iter().find_map(|e| solve(e).ok()?.clock_bias_s);

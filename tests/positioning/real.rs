@@ -10,7 +10,7 @@ use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::format::rinex_obs;
 use sdr_rx::gnss::observation::{CodeRange, ObservationEpoch};
-use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
+use sdr_rx::position::{Fix, PositioningOptions, solve_epoch, solve_snapshot};
 use std::path::Path;
 
 pub fn trials() -> Vec<Trial> {
@@ -18,16 +18,18 @@ pub fn trials() -> Vec<Trial> {
         data_trial("a_simulated_ublox_is_located_to_three_metres", simulated_ublox),
         data_trial("a_septentrio_on_a_roof_is_located_to_five_metres", septentrio),
         data_trial("real_code_phases_of_one_epoch_are_a_snapshot", |d| {
-            snapshot(d, 10, 60.0, SnapshotOptions::default())
+            snapshot(d, 10, 60.0, PositioningOptions::default())
         }),
         data_trial("real_code_phases_tell_the_time_within_five_hours", |d| {
             let time_uncertainty_s = 18_000.0;
-            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+            let options =
+                PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
             snapshot(d, 30, time_uncertainty_s, options)
         }),
         data_trial("real_code_phases_tell_the_time_of_the_navigation_file", |d| {
             let time_uncertainty_s = f64::INFINITY;
-            let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+            let options =
+                PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
             snapshot(d, 30, 1e8, options)
         }),
     ]
@@ -110,7 +112,7 @@ fn snapshot(
     folder: &Path,
     every: usize,
     off_s: f64,
-    options: SnapshotOptions,
+    options: PositioningOptions,
 ) -> Result<(), Failed> {
     let folder = folder.join("obs/matrtklib-static");
     let nav = rinex_nav::read(folder.join("base.nav"))?;

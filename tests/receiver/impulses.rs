@@ -86,7 +86,7 @@ fn received(ratio: f64, seconds: f64) -> Result<(Outcome, Vector3<f64>), Failed>
     let mut source = ScenarioSource::new(&scenario)?;
     let mut options =
         ReceiverOptions { time: source.info().start_time, ..ReceiverOptions::default() };
-    options.positioning.positioning.troposphere = scenario.atmosphere.troposphere;
+    options.positioning.troposphere = scenario.atmosphere.troposphere;
     let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
     Ok((outcome, scenario.receiver.position.ecef()))
 }

@@ -1,7 +1,7 @@
 //! A receiver that stands in Tokyo, its observations computed from broadcast ephemerides without noise.
 
 use libtest_mimic::Failed;
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::gnss::constants::{L1_HZ, L1_WAVELENGTH, SPEED_OF_LIGHT};
@@ -121,7 +121,8 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         velocity_mps: Some(to_enu.transpose() * Vector3::new(0.0, 2.0, 0.0)),
         clock_bias_s: Some(0.0),
         clock_drift_sps: Some(0.0),
-        covariance: Matrix4::identity(),
+        covariance: Matrix3::identity(),
+        clock_bias_sigma_s: Some(3e-9),
         pdop: 2.0,
         hdop: 1.2,
         vdop: 1.6,

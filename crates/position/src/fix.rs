@@ -1,6 +1,6 @@
 //! The result: a position with everything a person needs to trust it.
 
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::{GpsTime, Sv};
 
 /// How the observations came about.
@@ -62,8 +62,10 @@ pub struct Fix {
     pub clock_bias_s: Option<f64>,
     /// Rate of the receiver clock, s/s.
     pub clock_drift_sps: Option<f64>,
-    /// Covariance of position (east, north, up) and c x clock bias (NaN where that is), m^2.
-    pub covariance: Matrix4<f64>,
+    /// Covariance of the position (east, north, up), m^2.
+    pub covariance: Matrix3<f64>,
+    /// Standard deviation of the clock bias, s, where that is.
+    pub clock_bias_sigma_s: Option<f64>,
     /// Position dilution of precision of ranges: sqrt of the trace of the position part of (H^T H)^-1.
     pub pdop: f64,
     /// Horizontal dilution of precision.

@@ -1,8 +1,7 @@
 //! Monte Carlo over places, subsets of satellites, clocks and time errors.
 
 use super::*;
-use crate::PositioningOptions;
-use crate::synthetic::{Truth, navigation_data};
+use crate::simulated::{Truth, navigation_data};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -88,8 +87,10 @@ struct Outcome {
 
 fn outcome(class: Class, runs: u64) -> Outcome {
     let nav = navigation_data();
-    let options =
-        SnapshotOptions { time_uncertainty_s: class.time_error_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions {
+        time_uncertainty_s: class.time_error_s,
+        ..PositioningOptions::default()
+    };
     let results: Vec<Result<(f64, f64), PositioningError>> = (0..runs)
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed))
@@ -166,7 +167,7 @@ fn an_oscillator_error_of_ten_kilohertz_does_not_matter() {
     let class = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
     let (truth, mut epoch) = (0..).find_map(|seed| draw(&class, &nav, seed)).unwrap();
     epoch.observations.iter_mut().for_each(|o| *o.doppler_hz.as_mut().unwrap() += 1e4);
-    let fix = solve_snapshot(&epoch, &nav, &SnapshotOptions::default()).unwrap();
+    let fix = solve_snapshot(&epoch, &nav, &PositioningOptions::default()).unwrap();
     assert!((fix.position_m - truth.position_m).norm() < 100.0);
     // 10 kHz of 1575.42 MHz, to five deviations of 1 Hz times a time dilution of at most 3.
     let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
@@ -180,7 +181,7 @@ fn what_cannot_be_solved_is_refused_with_its_cause() {
     let exact = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
     let (_, epoch) = (0..).find_map(|seed| draw(&exact, &nav, seed)).unwrap();
     let refusal = |epoch: &ObservationEpoch| {
-        solve_snapshot(epoch, &nav, &SnapshotOptions::default()).unwrap_err().to_string()
+        solve_snapshot(epoch, &nav, &PositioningOptions::default()).unwrap_err().to_string()
     };
     let mut few = epoch.clone();
     few.observations.truncate(4);

@@ -1,8 +1,8 @@
 //! Monte Carlo over places, times of a day or a week, subsets of satellites, clocks and noise.
 
 use super::*;
-use crate::synthetic::{Truth, navigation_data_of_hours};
-use crate::{PositioningOptions, solve_snapshot};
+use crate::simulated::{Truth, navigation_data_of_hours};
+use crate::solve_snapshot;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -97,8 +97,10 @@ struct Tally {
 fn tally(class: Class, runs: u64) -> Tally {
     let nav = navigation_data_of_hours(class.hours);
     let sky = navigation_data_of_hours(class.hours.max(class.taken.1 as u32));
-    let options =
-        SnapshotOptions { time_uncertainty_s: class.uncertainty_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions {
+        time_uncertainty_s: class.uncertainty_s,
+        ..PositioningOptions::default()
+    };
     let results: Vec<_> = (0..runs)
         .into_par_iter()
         .filter_map(|seed| Some((seed, draw(&class, &sky, seed)?)))
@@ -158,7 +160,8 @@ fn random_code_phases_pass_no_more_often_than_the_bound_says() {
     // Noise of kilometres makes chance frequent enough to be counted.
     let class = Class { satellites: 6, doppler_sigma_hz: 25.0, code_sigma_m: 15e3, ..CLASS };
     let nav = navigation_data_of_hours(class.hours);
-    let options = SnapshotOptions { time_uncertainty_s: 18_000.0, ..SnapshotOptions::default() };
+    let options =
+        PositioningOptions { time_uncertainty_s: 18_000.0, ..PositioningOptions::default() };
     let counts: Vec<(f64, f64)> = (0..100)
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed).map(|(_, epoch)| (seed, epoch)))

@@ -1,6 +1,6 @@
 //! A constellation and observations of known truth, for the tests of this floor.
 
-use super::PositioningOptions;
+use crate::PositioningOptions;
 use nalgebra::Vector3;
 use sdr_rx_gnss::atmosphere::Klobuchar;
 use sdr_rx_gnss::constants::{L1_WAVELENGTH, MU_EARTH, SPEED_OF_LIGHT};
