@@ -8,9 +8,7 @@
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{DMatrix, DVector, Vector3, Vector4};
-use sdr_rx::position::solver::Solver;
-use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
-use sdr_rx::position::solver::observations::{Observed, Sigma};
+use sdr_rx::position::{Row, RowKind, Satellite, Solver};
 use std::hint::black_box;
 
 /// Radius of the altitude wall, m.
@@ -40,33 +38,32 @@ fn walker(t: f64) -> Vec<Satellite> {
 }
 
 /// Satellites above 5 deg of elevation at Turin every 10 minutes of 10 hours, with exact observations.
-fn epochs<M: ObservationModel>() -> Vec<(Vec<Satellite>, Vec<f64>)> {
+fn epochs(kind: RowKind) -> Vec<Vec<Row>> {
     let truth = Vector3::new(4_472_425.9, 601_429.2, 4_492_704.2);
     let in_view = |s: &Satellite| {
         (s.position_m - truth).normalize().dot(&truth.normalize()) > 5f64.to_radians().sin()
     };
     (0..60)
         .map(|k| {
-            let view: Vec<Satellite> =
-                walker(600.0 * f64::from(k)).into_iter().filter(in_view).collect();
-            let observed = view.iter().map(|s| M::predict(s, &truth) + 100.0).collect();
-            (view, observed)
+            let view = walker(600.0 * f64::from(k)).into_iter().filter(in_view);
+            let row = |s: Satellite| Row::new(kind, s, kind.see(&s, &truth).value + 100.0);
+            view.map(|s| row(s).with_sigma(1.0)).collect()
         })
         .collect()
 }
 
 /// AW-DGN-BT as one writes it down, with dynamic matrices.
-fn plain<M: ObservationModel>(satellites: &[Satellite], observed: &[f64]) -> Option<Vector4<f64>> {
-    let n = satellites.len();
-    let residuals = |x: &Vector4<f64>| {
-        DVector::from_fn(n, |i, _| observed[i] - M::predict(&satellites[i], &x.xyz()) - x.w)
-    };
+fn plain(rows: &[Row]) -> Option<Vector4<f64>> {
+    let n = rows.len();
+    let see = |row: &Row, x: &Vector4<f64>| row.kind.see(&row.satellite, &x.xyz());
+    let residuals =
+        |x: &Vector4<f64>| DVector::from_fn(n, |i, _| rows[i].value - see(&rows[i], x).value - x.w);
     let mut x = Vector4::zeros();
     for _ in 0..100 {
         let e = residuals(&x);
         let mut jacobian = DMatrix::from_element(n, 4, 1.0);
-        for (i, satellite) in satellites.iter().enumerate() {
-            let (_, gradient) = M::linearise(satellite, &x.xyz());
+        for (i, row) in rows.iter().enumerate() {
+            let gradient = row.kind.gradient(&row.satellite, &see(row, &x));
             jacobian.fixed_view_mut::<1, 3>(i, 0).tr_copy_from(&gradient);
         }
         let qr = jacobian.qr();
@@ -91,17 +88,14 @@ fn plain<M: ObservationModel>(satellites: &[Satellite], observed: &[f64]) -> Opt
     None
 }
 
-fn solve<M: ObservationModel>(c: &mut Criterion, name: &str, solvers: &[Solver]) {
-    let epochs = epochs::<M>();
+fn solve(c: &mut Criterion, kind: RowKind, name: &str, solvers: &[Solver]) {
+    let epochs = epochs(kind);
     for solver in solvers {
         let mut next = epochs.iter().cycle();
         c.bench_function(&format!("{solver}/{name}"), |b| {
             b.iter_batched(
                 || next.next().expect("a cycle"),
-                |(satellites, observed)| {
-                    let rows = Observed::<M>::new(satellites, observed);
-                    black_box(solver.solve(&rows.with_sigma(Sigma::Same(1.0)), |_| ()))
-                },
+                |rows| black_box(solver.solve(rows, |_| ())),
                 BatchSize::SmallInput,
             );
         });
@@ -110,7 +104,7 @@ fn solve<M: ObservationModel>(c: &mut Criterion, name: &str, solvers: &[Solver])
     c.bench_function(&format!("aw-dgn-bt, nalgebra's plain way/{name}"), |b| {
         b.iter_batched(
             || next.next().expect("a cycle"),
-            |(satellites, observed)| black_box(plain::<M>(satellites, observed)),
+            |rows| black_box(plain(rows)),
             BatchSize::SmallInput,
         );
     });
@@ -118,8 +112,8 @@ fn solve<M: ObservationModel>(c: &mut Criterion, name: &str, solvers: &[Solver])
 
 fn all(c: &mut Criterion) {
     let [aw, vp, bancroft] = [Solver::AwDgnBt, Solver::Vp, Solver::Bancroft];
-    solve::<Pseudorange>(c, "pseudorange", &[aw, vp, bancroft, Solver::Best]);
-    solve::<Doppler>(c, "doppler", &[aw, vp, Solver::Best]);
+    solve(c, RowKind::Range, "pseudorange", &[aw, vp, bancroft, Solver::Best]);
+    solve(c, RowKind::RangeRate, "doppler", &[aw, vp, Solver::Best]);
 }
 
 criterion_group!(benches, all);

@@ -6,9 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
 use sdr_rx::gnss::format::tle;
-use sdr_rx::position::Solver;
-use sdr_rx::position::solver::model::{Doppler, ObservationModel, Satellite};
-use sdr_rx::position::solver::observations::{Observed, Sigma};
+use sdr_rx::position::{Row, RowKind, Satellite, Solver};
 
 /// Error of a range rate, m/s (0.5 Hz at L1), and drift of the receiver's oscillator, m/s.
 const SIGMA_MPS: f64 = 0.1;
@@ -22,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = elements.first().ok_or("the file holds no element set")?.epoch;
     let here = Geodetic::from_degrees(48.1372, 11.5755, 560.0).to_ecef();
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-    let (mut satellites, mut rates) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
     for second in 0..10 {
         for element in &elements {
             let tle::EcefState { position_m, velocity_mps } =
@@ -30,16 +28,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             if azimuth_elevation(&here, &position_m).1 > 25f64.to_radians() {
                 let satellite = Satellite { position_m, velocity_mps };
                 let noise: f64 = rng.sample(StandardNormal);
-                rates.push(Doppler::predict(&satellite, &here) + DRIFT_MPS + SIGMA_MPS * noise);
-                satellites.push(satellite);
+                let rate = RowKind::RangeRate.see(&satellite, &here).value;
+                let rate = rate + DRIFT_MPS + SIGMA_MPS * noise;
+                rows.push(Row::range_rate(satellite, rate).with_sigma(SIGMA_MPS));
             }
         }
     }
-    let observed = Observed::<Doppler>::new(&satellites, &rates).with_sigma(Sigma::Same(SIGMA_MPS));
-    let found = Solver::Best.solve(&observed, |_| ())?;
+    let found = Solver::Best.solve(&rows, |_| ())?;
     let error_m = (found.state.position_m - here).norm();
     let sigma_m = found.covariance.trace().sqrt();
-    println!("{} Dopplers, {} iterations from the Earth's centre", rates.len(), found.iterations);
+    println!("{} Dopplers, {} iterations from the Earth's centre", rows.len(), found.iterations);
     println!("{error_m:.1} m off, deviation {sigma_m:.1} m; drift {:.2} m/s", found.state.clock());
     assert!(error_m < 4.0 * sigma_m);
     Ok(())

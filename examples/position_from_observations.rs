@@ -6,8 +6,7 @@ use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::signal::{self, L1_WAVELENGTH};
 use sdr_rx::position::solver::aw_dgn_bt::aw_dgn_bt;
-use sdr_rx::position::solver::model::{Pseudorange, Satellite};
-use sdr_rx::position::{PositioningOptions, solve_epoch};
+use sdr_rx::position::{PositioningOptions, Row, Satellite, solve_epoch};
 use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use std::error::Error;
 
@@ -18,16 +17,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let error_m = |p: &Vector3<f64>| (p - Vector3::from(truth.position_ecef_m)).norm();
 
     // The bare algorithm: where the satellites were, and how far away.
-    let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = truth
+    let rows: Vec<Row> = truth
         .satellites
         .iter()
         .map(|s| {
             let position_m = s.position_ecef_m.into();
             let range_m = s.range_m + truth.clock_bias_s * SPEED_OF_LIGHT;
-            (Satellite { position_m, velocity_mps: Vector3::zeros() }, range_m)
+            Row::range(Satellite { position_m, velocity_mps: Vector3::zeros() }, range_m)
         })
-        .unzip();
-    let bare = aw_dgn_bt::<Pseudorange>(&satellites, &ranges)?;
+        .collect();
+    let bare = aw_dgn_bt(&rows)?;
     println!(
         "bare: {} iterations, off by {:.1e} m",
         bare.iterations,
@@ -37,13 +36,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The receiver's: pseudoranges as measured, orbits as broadcast, atmosphere modelled.
     let observation = |s: &SatelliteTruth| Observation {
         transmission: signal::of(s.sv),
-        range: CodeRange::Pseudorange(s.pseudorange_m),
+        range: Some(CodeRange::Pseudorange(s.pseudorange_m)),
         range_sigma_m: 1.0,
-        doppler_hz: s.doppler_hz,
+        doppler_hz: Some(s.doppler_hz),
         doppler_sigma_hz: 0.1 / L1_WAVELENGTH,
         carrier_phase_cycles: None,
         lost_lock: false,
-        cn0_dbhz: s.cn0_dbhz,
+        cn0_dbhz: Some(s.cn0_dbhz),
     };
     let epoch = ObservationEpoch {
         receive_time: scenario.start,
@@ -51,9 +50,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         observations: truth.satellites.iter().map(observation).collect(),
     };
     let fix = solve_epoch(&epoch, &scenario.navigation()?, &PositioningOptions::default())?;
-    let speed = fix.velocity_mps.map_or(f64::NAN, |v| v.norm());
+    let speed = fix.velocity_mps.ok_or("no velocity")?.norm();
+    let clock_bias_s = fix.clock_bias_s.ok_or("no clock")?;
     println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
-    println!("      {speed:.3} m/s, clock {:+.3} us", fix.clock_bias_s * 1e6);
+    println!("      {speed:.3} m/s, clock {:+.3} us", clock_bias_s * 1e6);
     if error_m(&bare.state.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
         return Err("noise-free observations must give the place".into());
     }

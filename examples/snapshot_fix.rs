@@ -6,7 +6,7 @@ use sdr_rx::acquisition::snapshot_epoch;
 use sdr_rx::acquisition::{Refiner, SearchOptions, SearchPlan};
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::correlator::{CodeTable, SampleBuffer};
-use sdr_rx::position::{SnapshotOptions, solve_snapshot};
+use sdr_rx::position::{PositioningOptions, solve_snapshot};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::error::Error;
 
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
         .collect();
 
     let epoch = snapshot_epoch(&refined, scenario.start + WRONG_BY_S, samples, rate_hz);
-    let options = SnapshotOptions { user_speed_mps: 20.0, ..SnapshotOptions::default() };
+    let options = PositioningOptions { user_speed_mps: 20.0, ..PositioningOptions::default() };
     let fix = solve_snapshot(&epoch, &scenario.navigation()?, &options)?;
 
     let truth = source.truth_at(samples / 2);

@@ -59,7 +59,7 @@
 //! use sdr_rx::capture::{Block, SampleSource};
 //! use sdr_rx::correlator::{CodeTable, SampleBuffer};
 //! use sdr_rx::acquisition::snapshot_epoch;
-//! use sdr_rx::position::{SnapshotOptions, solve_snapshot};
+//! use sdr_rx::position::{PositioningOptions, solve_snapshot};
 //! use sdr_rx::scenario::{Scenario, ScenarioSource};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
@@ -79,7 +79,7 @@
 //!     .collect();
 //!
 //! let epoch = snapshot_epoch(&refined, scenario.start + 30.0, samples, rate_hz);
-//! let fix = solve_snapshot(&epoch, &scenario.navigation()?, &SnapshotOptions::default())?;
+//! let fix = solve_snapshot(&epoch, &scenario.navigation()?, &PositioningOptions::default())?;
 //!
 //! // Thermal noise of 100 ms at 45 dB-Hz makes some 4 m of range; the dilution of precision is 1.7.
 //! let error_m = (fix.position_m - scenario.receiver.position.ecef()).norm();

@@ -26,13 +26,13 @@ pub fn snapshot_epoch(
             let modulo_s = (-sent_s).rem_euclid(signal.period_s());
             Observation {
                 transmission: a.transmission,
-                range: CodeRange::ModuloCodePeriod(modulo_s * SPEED_OF_LIGHT),
+                range: Some(CodeRange::ModuloCodePeriod(modulo_s * SPEED_OF_LIGHT)),
                 range_sigma_m: r.code_sigma_chips / signal.chip_rate_hz * SPEED_OF_LIGHT,
-                doppler_hz: a.doppler_hz,
+                doppler_hz: Some(a.doppler_hz),
                 doppler_sigma_hz: r.doppler_sigma_hz,
                 carrier_phase_cycles: None,
                 lost_lock: false,
-                cn0_dbhz: a.cn0_dbhz,
+                cn0_dbhz: Some(a.cn0_dbhz),
             }
         })
         .collect();

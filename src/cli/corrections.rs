@@ -44,6 +44,7 @@ impl Corrections {
                 TroposphereArg::Saastamoinen => Troposphere::Saastamoinen,
             },
             elevation_mask: self.mask.to_radians(),
+            ..PositioningOptions::default()
         })
     }
 }

@@ -12,7 +12,7 @@ use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::{Sv, signal};
-use sdr_rx::position::SnapshotOptions;
+use sdr_rx::position::PositioningOptions;
 use sdr_rx::receiver::ReceiverOptions;
 use std::path::PathBuf;
 
@@ -213,8 +213,8 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "pll_hz": options.tracking.pll_hz,
         "dll_hz": options.tracking.dll_hz,
         "interval_s": options.interval_s,
-        "troposphere": options.positioning.positioning.troposphere,
-        "elevation_mask_deg": options.positioning.positioning.elevation_mask.to_degrees(),
+        "troposphere": options.positioning.troposphere,
+        "elevation_mask_deg": options.positioning.elevation_mask.to_degrees(),
         "time_uncertainty_s": options.time.map(|_| options.positioning.time_uncertainty_s),
     })
 }
@@ -247,10 +247,9 @@ impl Solve {
         options.tracking.coherent_ms = self.coherent_ms;
         options.tracking.pll_hz = self.pll_bw;
         options.tracking.dll_hz = self.dll_bw;
-        options.positioning = SnapshotOptions {
-            positioning: self.corrections.options()?,
+        options.positioning = PositioningOptions {
             time_uncertainty_s: self.time_uncertainty,
-            ..SnapshotOptions::default()
+            ..self.corrections.options()?
         };
         Ok(())
     }

@@ -12,10 +12,10 @@ use sdr_rx::gnss::format::rinex_obs::{self, ObservationHeader};
 use sdr_rx::gnss::format::{rinex_nav, sp3};
 use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::gnss::{GpsTime, NavigationData};
-use sdr_rx::position::solver::outcome::{Step, trace_csv};
+use sdr_rx::position::solver::point_solution::{Iteration, trace_csv};
 use sdr_rx::position::{
-    Exclusion, Fix, Height, Observable, PositioningError, Robust, SolveOptions, Solver,
-    solve_observed, solve_static,
+    Exclusion, Fix, Height, Observable, PositioningError, PositioningOptions, Robust, Solver,
+    solve_static, solve_traced,
 };
 use sdr_rx::report::{self, Input, OutputDir, Reference, Run};
 use std::path::{Path, PathBuf};
@@ -138,9 +138,8 @@ fn place(text: &str) -> Result<Geodetic, String> {
 }
 
 impl Solve {
-    fn options(&self) -> anyhow::Result<SolveOptions> {
-        Ok(SolveOptions {
-            positioning: self.corrections.options()?,
+    fn options(&self) -> anyhow::Result<PositioningOptions> {
+        Ok(PositioningOptions {
             observable: match self.observable {
                 ObservableArg::Pseudorange => Observable::Pseudorange,
                 ObservableArg::Doppler => Observable::Doppler,
@@ -158,6 +157,7 @@ impl Solve {
                 ExclusionArg::Off => Exclusion::Off,
             },
             height: self.height,
+            ..self.corrections.options()?
         })
     }
 
@@ -190,7 +190,7 @@ struct Solved {
 
 impl Solved {
     /// Keeps the steps of an epoch's solver under its time.
-    fn add_trace(&mut self, time: GpsTime, steps: &[Step]) {
+    fn add_trace(&mut self, time: GpsTime, steps: &[Iteration]) {
         let csv = trace_csv(steps);
         let mut lines = csv.lines();
         let head = lines.next().unwrap_or_default();
@@ -258,8 +258,8 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
             "robust": options.robust,
             "exclusion": options.exclusion,
             "height": options.height,
-            "troposphere": options.positioning.troposphere,
-            "elevation_mask_deg": options.positioning.elevation_mask.to_degrees(),
+            "troposphere": options.troposphere,
+            "elevation_mask_deg": options.elevation_mask.to_degrees(),
         }),
     };
     if let Some(path) = &args.trace {
@@ -281,7 +281,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
 fn solve(
     args: &Solve,
     navigation: &NavigationData,
-    options: &SolveOptions,
+    options: &PositioningOptions,
 ) -> anyhow::Result<(ObservationHeader, Solved)> {
     let mut reader = rinex_obs::open(&args.observations)?;
     let bar = bar(&args.observations);
@@ -299,11 +299,11 @@ fn solve(
     }
     bar.finish_and_clear();
     if args.at_rest {
-        let mut steps: Vec<(usize, Step)> = Vec::new();
+        let mut steps: Vec<(usize, Iteration)> = Vec::new();
         let keep = args.trace.is_some();
-        let mut trace = |epoch: usize, step: &Step| {
+        let mut trace = |epoch: usize, step: &Iteration| {
             if keep {
-                steps.push((epoch, *step));
+                steps.push((epoch, step.clone()));
             }
         };
         let time = |k: usize| solved.epochs[k].receive_time;
@@ -317,7 +317,7 @@ fn solve(
         }
         for steps in steps.chunk_by(|a, b| a.0 == b.0) {
             let time = solved.epochs[steps[0].0].receive_time;
-            let steps: Vec<Step> = steps.iter().map(|s| s.1).collect();
+            let steps: Vec<Iteration> = steps.iter().map(|s| s.1.clone()).collect();
             solved.add_trace(time, &steps);
         }
     }
@@ -334,7 +334,7 @@ fn solve(
 fn solve_chunk(
     chunk: &[ObservationEpoch],
     navigation: &NavigationData,
-    options: &SolveOptions,
+    options: &PositioningOptions,
     trace: bool,
     solved: &mut Solved,
 ) {
@@ -342,12 +342,12 @@ fn solve_chunk(
         .par_iter()
         .map(|epoch| {
             let mut steps = Vec::new();
-            let mut keep = |step: &Step| {
+            let mut keep = |step: &Iteration| {
                 if trace {
-                    steps.push(*step);
+                    steps.push(step.clone());
                 }
             };
-            let result = solve_observed(epoch, navigation, options, &mut keep);
+            let result = solve_traced(epoch, navigation, options, &mut keep);
             (result, steps)
         })
         .collect();

@@ -171,7 +171,7 @@ impl Cell {
             suppression: self.suppression,
             ..ReceiverOptions::default()
         };
-        options.positioning.positioning.troposphere = self.scenario.atmosphere.troposphere;
+        options.positioning.troposphere = self.scenario.atmosphere.troposphere;
         options
     }
 }

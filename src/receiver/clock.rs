@@ -78,7 +78,8 @@ impl ReceiverClock {
 
     /// Reads the clock by a fix: instants from `end` on, which no track has reached, follow it.
     pub(super) fn steer(&mut self, fix: &Fix, end: u64) {
-        self.reading = Some((fix.sample, fix.clock_bias_s, fix.clock_drift_sps.unwrap_or(0.0)));
+        let Some(bias_s) = fix.clock_bias_s else { return };
+        self.reading = Some((fix.sample, bias_s, fix.clock_drift_sps.unwrap_or(0.0)));
         let reached = self.instants.partition_point(|&s| s < end).max(1);
         self.instants.truncate(reached);
     }

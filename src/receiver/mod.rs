@@ -29,7 +29,7 @@ use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
 use crate::front_end::{ImpulseReport, Suppression};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{GpsTime, NavigationData};
-use crate::position::SnapshotOptions;
+use crate::position::PositioningOptions;
 use crate::tracking::TrackingOptions;
 use chunks::Chunks;
 use find::{BeamFormer, Region};
@@ -60,7 +60,7 @@ pub struct ReceiverOptions {
     /// The loops.
     pub tracking: TrackingOptions,
     /// The position solutions.
-    pub positioning: SnapshotOptions,
+    pub positioning: PositioningOptions,
     /// Navigation data known beforehand.
     pub navigation: NavigationData,
     /// GPS time of the first sample, as well as it is known; without it a snapshot's time is searched for
@@ -89,7 +89,7 @@ impl Default for ReceiverOptions {
         Self {
             search: SearchOptions::default(),
             tracking: TrackingOptions::default(),
-            positioning: SnapshotOptions::default(),
+            positioning: PositioningOptions::default(),
             navigation: NavigationData::default(),
             time: None,
             interval_s: 1.0,

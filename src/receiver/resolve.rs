@@ -51,12 +51,10 @@ impl Tracks {
             return Resolved { epochs: Vec::new(), fixes: Vec::new(), reason: Some(reason) };
         };
         let epochs_from = |origin| observation_epochs(&self.logs, origin, self.rate_hz);
-        let solve = |epoch: &ObservationEpoch| {
-            solve_epoch(epoch, navigation, &options.positioning.positioning)
-        };
+        let solve = |epoch: &ObservationEpoch| solve_epoch(epoch, navigation, &options.positioning);
         // The first solution tells the receiver's clock; times are then right to 0.1 us.
-        let first = epochs_from(origin).iter().find_map(|e| solve(e).ok());
-        let origin = first.map_or(origin, |fix| round_time(origin - fix.clock_bias_s));
+        let bias_s = epochs_from(origin).iter().find_map(|e| solve(e).ok()?.clock_bias_s);
+        let origin = bias_s.map_or(origin, |bias_s| round_time(origin - bias_s));
         let epochs = epochs_from(origin);
         let solved: Vec<Result<Fix, PositioningError>> = epochs.par_iter().map(solve).collect();
         let error = solved.iter().rev().find_map(|s| s.as_ref().err()).cloned();

@@ -54,7 +54,7 @@ pub(super) fn solve_snapshot_head(
     match solved {
         Ok(fix) => {
             // Without a time the clock has no reading that could be off.
-            let clock_bias_s = options.time.map_or(0.0, |_| fix.clock_bias_s);
+            let clock_bias_s = options.time.map_or(Some(0.0), |_| fix.clock_bias_s);
             let notice = fix.time_search.and_then(|s| left_out(&s));
             Solved { epoch, fix: Ok(Fix { clock_bias_s, ..fix }), notice }
         }

@@ -291,9 +291,7 @@ impl Tracker {
         let navigation = &self.navigation;
         let epoch_at =
             |sample, origin| observation_epoch(logs.iter().copied(), sample, origin, rate_hz);
-        let solve = |epoch: &ObservationEpoch| {
-            solve_epoch(epoch, navigation, &options.positioning.positioning)
-        };
+        let solve = |epoch: &ObservationEpoch| solve_epoch(epoch, navigation, &options.positioning);
         if self.clock.origin().is_none() {
             let Some(newest) = self.clock.newest_complete().filter(|_| self.ready.len() >= 4)
             else {
@@ -301,9 +299,11 @@ impl Tracker {
             };
             // The first solution tells the receiver's clock; times are then right to 0.1 us.
             let origin = receive_origin(&logs, navigation, options.time, rate_hz);
-            let first = origin.and_then(|o| solve(&epoch_at(newest, o)?).ok().map(|fix| (o, fix)));
-            let Some((origin, fix)) = first else { return };
-            self.clock.set_origin(round_time(origin - fix.clock_bias_s));
+            let bias_at = |o| solve(&epoch_at(newest, o)?).ok()?.clock_bias_s;
+            let Some((origin, bias_s)) = origin.and_then(|o| Some((o, bias_at(o)?))) else {
+                return;
+            };
+            self.clock.set_origin(round_time(origin - bias_s));
             instants = vec![newest];
         }
         let Some(origin) = self.clock.origin() else { return };

@@ -6,7 +6,7 @@ use super::json::{AcquisitionRecord, FixRecord};
 use crate::array::{Bearing, Jammer};
 use crate::gnss::Sv;
 use crate::gnss::message::Update;
-use crate::gnss::observation::{CodeRange, Observation};
+use crate::gnss::observation::Observation;
 use crate::receiver::Event;
 use crate::tracking::LockState;
 use serde::Serialize;
@@ -17,10 +17,12 @@ struct ObservationRecord {
     sv: Sv,
     #[serde(skip_serializing_if = "Option::is_none")]
     pseudorange_m: Option<f64>,
-    doppler_hz: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doppler_hz: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     carrier_phase_cycles: Option<f64>,
-    cn0_dbhz: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cn0_dbhz: Option<f64>,
     lost_lock: bool,
 }
 
@@ -28,10 +30,7 @@ impl ObservationRecord {
     fn new(o: &Observation) -> Self {
         Self {
             sv: o.sv(),
-            pseudorange_m: match o.range {
-                CodeRange::Pseudorange(metres) => Some(metres),
-                CodeRange::ModuloCodePeriod(_) => None,
-            },
+            pseudorange_m: o.pseudorange_m(),
             doppler_hz: o.doppler_hz,
             carrier_phase_cycles: o.carrier_phase_cycles,
             cn0_dbhz: o.cn0_dbhz,

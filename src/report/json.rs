@@ -129,8 +129,8 @@ pub(super) struct FixRecord {
 #[derive(Clone, Debug, Serialize)]
 struct ResidualRecord {
     sv: Sv,
-    range_m: f64,
-    doppler_hz: f64,
+    range_m: Option<f64>,
+    doppler_hz: Option<f64>,
     azimuth_deg: f64,
     elevation_deg: f64,
 }
@@ -222,7 +222,7 @@ impl FixRecord {
             height_m: place.height,
             ecef_m: fix.position_m.into(),
             velocity_mps: fix.velocity_mps.map(Into::into),
-            clock_bias_s: Some(fix.clock_bias_s).filter(|bias| bias.is_finite()),
+            clock_bias_s: fix.clock_bias_s,
             clock_drift_sps: fix.clock_drift_sps,
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,

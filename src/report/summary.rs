@@ -23,8 +23,10 @@ pub struct SkyEntry {
 pub fn sky(run: &Run) -> Vec<SkyEntry> {
     let cn0 = |sv: Sv| {
         let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv() == sv);
-        let acquired = || run.acquisitions.iter().find(|a| a.sv() == sv).map(|a| a.cn0_dbhz);
-        newest.map(|o| o.cn0_dbhz).or_else(acquired).filter(|cn0| cn0.is_finite())
+        match newest {
+            Some(observation) => observation.cn0_dbhz,
+            None => run.acquisitions.iter().find(|a| a.sv() == sv).map(|a| a.cn0_dbhz),
+        }
     };
     let entry = |r: &Residual| {
         let (sv, azimuth, elevation) = (r.sv, r.azimuth, r.elevation);

@@ -88,8 +88,8 @@ pub struct Epoch {
 /// How good a channel's measurements are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// C/N0 over the last second, dB-Hz; NaN in the first 0.2 s.
-    pub cn0_dbhz: f64,
+    /// C/N0 over the last second, dB-Hz; none in the first 0.2 s.
+    pub cn0_dbhz: Option<f64>,
     /// Standard deviation of the code phase, m.
     pub code_sigma_m: f64,
     /// Standard deviation of the Doppler, Hz.
@@ -181,7 +181,7 @@ impl Channel {
     /// How good the measurements are now.
     pub fn quality(&self) -> Quality {
         Quality {
-            cn0_dbhz: self.cn0_dbhz().unwrap_or(f64::NAN),
+            cn0_dbhz: self.cn0_dbhz(),
             code_sigma_m: self.code_sigma_m(),
             doppler_sigma_hz: self.doppler_sigma_hz(),
         }

@@ -2,16 +2,14 @@
 //! in orbit. Shares are compared with those of an independent reference implementation on its own draws.
 
 use crate::common::Tested;
-use crate::sky::{Draw, Skies, Walker};
+use crate::sky::{Draw, Skies, Walker, weighted};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
-use sdr_rx::position::solver::Solver;
 use sdr_rx::position::solver::aw_dgn_bt::{Damping, iterate};
-use sdr_rx::position::solver::model::{Doppler, Pseudorange};
-use sdr_rx::position::solver::observations::{Both, Observations, Observed, Sigma};
-use sdr_rx::position::solver::outcome::{Ambiguity, State};
+use sdr_rx::position::solver::point_solution::Ambiguity;
+use sdr_rx::position::{Place, Row, RowKind, Solver};
 use std::ops::RangeInclusive;
 
 /// Draws of each case; ten times as many with `--ignored`.
@@ -184,19 +182,18 @@ fn run(case: &Case, skies: &Skies, solver: Solver, number: u64) -> Run {
     // Up to a millisecond, and 3 parts per million.
     let clocks = [rng.random_range(-300e3..300e3), rng.random_range(-900.0..900.0)];
     let noise = SIGMA.map(|sigma| case.noise * sigma);
-    let ranges = sky.observe::<Pseudorange>(&mut rng, clocks[0], noise[0]);
-    let rates = sky.observe::<Doppler>(&mut rng, clocks[1], noise[1]);
-    let pseudoranges = Observed::new(&sky.satellites, &ranges).with_sigma(Sigma::Same(SIGMA[0]));
-    let dopplers = Observed::new(&sky.satellites, &rates).with_sigma(Sigma::Same(SIGMA[1]));
-    match case.what {
-        What::Pseudorange => judge(&pseudoranges, case, &sky, solver),
-        What::Doppler => judge(&dopplers, case, &sky, solver),
-        What::Both => judge(&Both { pseudoranges, dopplers }, case, &sky, solver),
-    }
+    let ranges = weighted(&sky.observe(RowKind::Range, &mut rng, clocks[0], noise[0]), SIGMA[0]);
+    let rates = weighted(&sky.observe(RowKind::RangeRate, &mut rng, clocks[1], noise[1]), SIGMA[1]);
+    let rows = match case.what {
+        What::Pseudorange => ranges,
+        What::Doppler => rates,
+        What::Both => [ranges, rates].concat(),
+    };
+    judge(&rows, case, &sky, solver)
 }
 
-fn judge<O: Observations>(rows: &O, case: &Case, sky: &Draw, solver: Solver) -> Run {
-    let from_truth = State { position_m: sky.truth, ..State::CENTRE };
+fn judge(rows: &[Row], case: &Case, sky: &Draw, solver: Solver) -> Run {
+    let from_truth = Place::at(sky.truth);
     let Ok(best) = iterate(rows, &Damping::ADGN_BT, &from_truth, |_| ()) else {
         return Run::default();
     };
@@ -205,7 +202,7 @@ fn judge<O: Observations>(rows: &O, case: &Case, sky: &Draw, solver: Solver) -> 
     if *case.height_m.end() == 0.0 && height.abs() > 50e3 {
         return Run::default();
     }
-    let near = |s: &State| (s.position_m - best.state.position_m).norm() < 1.0;
+    let near = |s: &Place| (s.position_m - best.state.position_m).norm() < 1.0;
     let Ok(fix) = solver.solve(rows, |_| ()) else {
         return Run { counted: true, ..Run::default() };
     };
@@ -243,9 +240,8 @@ fn two_low_satellites_give_a_place_over_two_minutes() -> Tested {
             })
             .collect();
         let pass = Draw { truth: sky.truth, satellites };
-        let rates = pass.observe::<Doppler>(&mut rng, 300.0, SIGMA[1]);
-        let rows =
-            Observed::<Doppler>::new(&pass.satellites, &rates).with_sigma(Sigma::Same(SIGMA[1]));
+        let rates = pass.observe(RowKind::RangeRate, &mut rng, 300.0, SIGMA[1]);
+        let rows = weighted(&rates, SIGMA[1]);
         let fix = Solver::Best.solve(&rows, |_| ())?;
         let error = fix.state.position_m - pass.truth;
         let inverse = fix.covariance.try_inverse().ok_or("a singular covariance")?;

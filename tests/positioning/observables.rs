@@ -9,7 +9,7 @@ use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::format::rinex_obs;
 use sdr_rx::gnss::observation::ObservationEpoch;
-use sdr_rx::position::{Fix, Observable, PositioningOptions, SolveOptions, Solver, solve_observed};
+use sdr_rx::position::{Fix, Observable, PositioningOptions, Solver, solve_epoch};
 
 #[test]
 fn a_septentrio_is_located_by_each_observable() -> Tested {
@@ -89,10 +89,10 @@ impl Station {
         observable: Observable,
         solver: Solver,
     ) -> Result<f64, Failed> {
-        let positioning =
-            PositioningOptions { troposphere: self.troposphere, ..PositioningOptions::default() };
-        let options = SolveOptions { positioning, observable, solver, ..SolveOptions::default() };
-        let solve = |epoch: &ObservationEpoch| solve_observed(epoch, nav, &options, &mut |_| ());
+        let troposphere = self.troposphere;
+        let options =
+            PositioningOptions { troposphere, observable, solver, ..PositioningOptions::default() };
+        let solve = |epoch: &ObservationEpoch| solve_epoch(epoch, nav, &options);
         let fixes: Vec<Fix> = epochs.par_iter().map(solve).collect::<Result<_, _>>()?;
         let error_m = median(fixes.iter().map(|f| (f.position_m - self.truth).norm()).collect());
         let n = fixes.len() as f64;

@@ -9,20 +9,20 @@ use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::format::rinex_obs;
 use sdr_rx::gnss::observation::{CodeRange, ObservationEpoch};
-use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions, solve_epoch, solve_snapshot};
+use sdr_rx::position::{Fix, PositioningOptions, solve_epoch, solve_snapshot};
 use std::path::Path;
 
 #[test]
 fn real_code_phases_of_one_epoch_are_a_snapshot() -> Tested {
     let Some(d) = data() else { return Ok(()) };
-    snapshot(d, 10, 60.0, SnapshotOptions::default())
+    snapshot(d, 10, 60.0, PositioningOptions::default())
 }
 
 #[test]
 fn real_code_phases_tell_the_time_within_five_hours() -> Tested {
     let Some(d) = data() else { return Ok(()) };
     let time_uncertainty_s = 18_000.0;
-    let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
     snapshot(d, 30, time_uncertainty_s, options)
 }
 
@@ -30,7 +30,7 @@ fn real_code_phases_tell_the_time_within_five_hours() -> Tested {
 fn real_code_phases_tell_the_time_of_the_navigation_file() -> Tested {
     let Some(d) = data() else { return Ok(()) };
     let time_uncertainty_s = f64::INFINITY;
-    let options = SnapshotOptions { time_uncertainty_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
     snapshot(d, 30, 1e8, options)
 }
 
@@ -111,7 +111,7 @@ pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
 /// The pseudoranges of the roof, of every so many epochs, cut to their part of a millisecond, and the time
 /// told wrong by up to `off_s`: it is found to 0.1 s. Coarse time costs about three times the error of the
 /// full fix.
-fn snapshot(folder: &Path, every: usize, off_s: f64, options: SnapshotOptions) -> Tested {
+fn snapshot(folder: &Path, every: usize, off_s: f64, options: PositioningOptions) -> Tested {
     let folder = folder.join("obs/matrtklib-static");
     let nav = rinex_nav::read(folder.join("base.nav"))?;
     let truth = place(&folder.join("rover_position.txt"))?;
@@ -123,9 +123,9 @@ fn snapshot(folder: &Path, every: usize, off_s: f64, options: SnapshotOptions) -
         epoch.receive_time =
             epoch.receive_time + off_s * ((37.0 * k as f64).rem_euclid(120.0) / 60.0 - 1.0);
         for observation in &mut epoch.observations {
-            if let CodeRange::Pseudorange(range_m) = observation.range {
+            if let Some(range_m) = observation.pseudorange_m() {
                 let phase_m = range_m.rem_euclid(SPEED_OF_LIGHT * 1e-3);
-                observation.range = CodeRange::ModuloCodePeriod(phase_m);
+                observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
             }
         }
     }

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
-use sdr_rx::position::solver::model::{ObservationModel, Satellite};
+use sdr_rx::position::{Row, RowKind, Satellite};
 use std::ops::RangeInclusive;
 
 const EARTH_RATE: f64 = 7.292_115e-5;
@@ -127,19 +127,17 @@ impl Draw {
         self
     }
 
-    /// Observations with a clock term and white noise of deviation `sigma`.
-    pub fn observe<M: ObservationModel>(
-        &self,
-        rng: &mut ChaCha8Rng,
-        clock: f64,
-        sigma: f64,
-    ) -> Vec<f64> {
-        self.satellites
-            .iter()
-            .map(|s| {
-                let noise: f64 = StandardNormal.sample(rng);
-                M::predict(s, &self.truth) + clock + sigma * noise
-            })
-            .collect()
+    /// Observations with a clock term and white noise of standard deviation `sigma`, which they do not tell.
+    pub fn observe(&self, kind: RowKind, rng: &mut ChaCha8Rng, clock: f64, sigma: f64) -> Vec<Row> {
+        let observe = |s: &Satellite| {
+            let noise: f64 = StandardNormal.sample(rng);
+            Row::new(kind, *s, kind.see(s, &self.truth).value + clock + sigma * noise)
+        };
+        self.satellites.iter().map(observe).collect()
     }
+}
+
+/// The same rows with a standard deviation each.
+pub fn weighted(rows: &[Row], sigma: f64) -> Vec<Row> {
+    rows.iter().map(|row| row.with_sigma(sigma)).collect()
 }

@@ -1,15 +1,13 @@
 //! The paper's scenarios, against the figures of an independent reference implementation.
 
 use crate::common::{Failed, Tested, data};
-use crate::sky::scaled_down;
+use crate::sky::{scaled_down, weighted};
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::{Geodetic, azimuth_elevation};
-use sdr_rx::position::solver::Solver;
 use sdr_rx::position::solver::aw_dgn_bt::{Damping, iterate};
-use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
-use sdr_rx::position::solver::observations::{Observed, Sigma};
-use sdr_rx::position::solver::outcome::{State, Step};
+use sdr_rx::position::solver::point_solution::Iteration;
+use sdr_rx::position::{Place, Row, RowKind, Satellite, Solver};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -105,37 +103,39 @@ struct Tally {
     mean_iterations: f64,
 }
 
-fn run<M: ObservationModel>(
+/// The reference's name of an observable.
+fn kind(observable: &str) -> RowKind {
+    if observable == "doppler" { RowKind::RangeRate } else { RowKind::Range }
+}
+
+fn tally(
+    observable: &str,
     epochs: &[Epoch],
     truth: &Vector3<f64>,
     altitudes_m: &[f64],
     sigma: f64,
     solver: Solver,
 ) -> Tally {
+    let kind = kind(observable);
     let mut tally = Tally { runs: 0, ok: 0, altitudes_all_ok: 0, mean_iterations: 0.0 };
     let mut iterations = 0;
     for (index, altitude) in altitudes_m.iter().enumerate() {
         let mut all = true;
         for (number, epoch) in epochs.iter().enumerate() {
-            let scaled: Vec<Satellite> =
-                epoch.iter().map(|(_, s)| scaled_down(s, truth, EARTH_RADIUS + altitude)).collect();
             let noise = |id: usize| {
                 let angle =
                     1.0 + 12.9898 * id as f64 + 78.233 * number as f64 + 37.719 * index as f64;
                 sigma * 2f64.sqrt() * angle.sin()
             };
-            let observed: Vec<f64> = scaled
-                .iter()
-                .zip(epoch)
-                .map(|(s, (id, _))| M::predict(s, truth) + noise(*id))
-                .collect();
-            let rows = Observed::<M>::new(&scaled, &observed).with_sigma(Sigma::Same(sigma));
             // The paper's iterations are unweighted: their tolerances are in metres.
-            let plain = Observed::<M>::new(&scaled, &observed);
-            let from_truth = State { position_m: *truth, ..State::CENTRE };
-            let optimum = iterate(&plain, &Damping::ADGN_BT, &from_truth, |_| ());
+            let row = |(id, satellite): &(usize, Satellite)| {
+                let satellite = scaled_down(satellite, truth, EARTH_RADIUS + altitude);
+                Row::new(kind, satellite, kind.see(&satellite, truth).value + noise(*id))
+            };
+            let plain: Vec<Row> = epoch.iter().map(row).collect();
+            let optimum = iterate(&plain, &Damping::ADGN_BT, &Place::at(*truth), |_| ());
             let fix = match solver {
-                Solver::Vp | Solver::Best => solver.solve(&rows, |_| ()),
+                Solver::Vp | Solver::Best => solver.solve(&weighted(&plain, sigma), |_| ()),
                 _ => solver.solve(&plain, |_| ()),
             };
             tally.runs += 1;
@@ -153,20 +153,6 @@ fn run<M: ObservationModel>(
     }
     tally.mean_iterations = iterations as f64 / tally.ok as f64;
     tally
-}
-
-fn tally(
-    observable: &str,
-    epochs: &[Epoch],
-    truth: &Vector3<f64>,
-    altitudes_m: &[f64],
-    sigma: f64,
-    solver: Solver,
-) -> Tally {
-    match observable {
-        "doppler" => run::<Doppler>(epochs, truth, altitudes_m, sigma, solver),
-        _ => run::<Pseudorange>(epochs, truth, altitudes_m, sigma, solver),
-    }
 }
 
 /// Success within 0.3 % of the runs, mean iterations within 0.03; AW-DGN-BT and the variable projection succeed always. The
@@ -266,14 +252,11 @@ fn traces_agree_step_by_step_with_the_reference() -> Tested {
             let label = format!("{} {}", case.observable, reference.solver);
             let solver = solver(&reference.solver)?;
             let satellites = satellites(&reference.sat_pos_m, &reference.sat_vel_mps);
-            let mut steps: Vec<Step> = Vec::new();
-            let trace = |s: &Step| steps.push(*s);
-            let y = &reference.y;
-            let converged = match case.observable.as_str() {
-                "doppler" => solver.solve(&Observed::<Doppler>::new(&satellites, y), trace),
-                _ => solver.solve(&Observed::<Pseudorange>::new(&satellites, y), trace),
-            }
-            .is_ok();
+            let mut steps: Vec<Iteration> = Vec::new();
+            let kind = kind(&case.observable);
+            let row = |(s, y): (&Satellite, &f64)| Row::new(kind, *s, *y);
+            let rows: Vec<Row> = satellites.iter().zip(&reference.y).map(row).collect();
+            let converged = solver.solve(&rows, |s| steps.push(s.clone())).is_ok();
             if converged != (reference.status == "converged") {
                 return Err(format!("{label}: the reference ended as {}", reference.status).into());
             }

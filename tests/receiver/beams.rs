@@ -50,7 +50,7 @@ fn beams_follow_satellites_that_cross_the_sky() -> Tested {
         let cn0 = |sample: u64| {
             let epoch =
                 outcome.epochs.iter().find(|e| (e.sample - sample as f64).abs() < 0.1 * rate_hz)?;
-            Some(epoch.observations.iter().find(|o| o.sv() == begin.sv)?.cn0_dbhz)
+            epoch.observations.iter().find(|o| o.sv() == begin.sv)?.cn0_dbhz
         };
         let (Some(before), Some(after)) = (cn0(first.sample), cn0(last.sample)) else {
             return Err(format!("{} was not tracked", begin.sv).into());

@@ -86,7 +86,7 @@ fn received(ratio: f64, seconds: f64) -> Result<(Record, Vector3<f64>), Failed> 
     let mut source = ScenarioSource::new(&scenario)?;
     let mut options =
         ReceiverOptions { time: source.info().start_time, ..ReceiverOptions::default() };
-    options.positioning.positioning.troposphere = scenario.atmosphere.troposphere;
+    options.positioning.troposphere = scenario.atmosphere.troposphere;
     let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
     Ok((outcome, scenario.receiver.position.ecef()))
 }
@@ -94,7 +94,7 @@ fn received(ratio: f64, seconds: f64) -> Result<(Record, Vector3<f64>), Failed> 
 /// Mean C/N0 of all observations, dB-Hz.
 fn cn0_dbhz(outcome: &Record) -> f64 {
     let all: Vec<f64> =
-        outcome.epochs.iter().flat_map(|e| &e.observations).map(|o| o.cn0_dbhz).collect();
+        outcome.epochs.iter().flat_map(|e| &e.observations).filter_map(|o| o.cn0_dbhz).collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
 

@@ -7,7 +7,7 @@ use sdr_rx::capture::{self, OpenOptions};
 use sdr_rx::gnss::GpsTime;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::format::rinex_nav;
-use sdr_rx::position::{Fix, PositioningOptions, SnapshotOptions};
+use sdr_rx::position::{Fix, PositioningOptions};
 use sdr_rx::receiver::{self, ReceiverOptions, Record};
 use std::path::Path;
 
@@ -49,12 +49,9 @@ pub fn snapshot(
     let open = OpenOptions { start_time: Some(start + off_s), ..open };
     let mut source = capture::open(&[data.join("captures").join(name)], &open)?;
     let options = ReceiverOptions {
-        positioning: SnapshotOptions {
-            positioning: PositioningOptions {
-                troposphere: Troposphere::None,
-                ..PositioningOptions::default()
-            },
-            ..SnapshotOptions::default()
+        positioning: PositioningOptions {
+            troposphere: Troposphere::None,
+            ..PositioningOptions::default()
         },
         navigation: rinex_nav::read(data.join("nav/brdc0010.22n"))?,
         time: source.info().start_time,

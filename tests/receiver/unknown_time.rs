@@ -15,7 +15,7 @@ use sdr_rx::gnss::constants::{MU_EARTH, OMEGA_EARTH};
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::gnss::{Ephemeris, GpsTime, NavigationData};
-use sdr_rx::position::{PositioningOptions, SnapshotOptions, solve_snapshot};
+use sdr_rx::position::{PositioningOptions, solve_snapshot};
 use std::path::Path;
 
 #[test]
@@ -98,13 +98,10 @@ fn tally(
     off_s: f64,
     uncertainty_s: f64,
 ) -> Tally {
-    let options = SnapshotOptions {
-        positioning: PositioningOptions {
-            troposphere: Troposphere::None,
-            ..PositioningOptions::default()
-        },
+    let options = PositioningOptions {
+        troposphere: Troposphere::None,
         time_uncertainty_s: uncertainty_s,
-        ..SnapshotOptions::default()
+        ..PositioningOptions::default()
     };
     let results: Vec<_> = (0..tries)
         .into_par_iter()

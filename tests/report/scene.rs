@@ -1,7 +1,7 @@
 //! A receiver that stands in Tokyo, its observations computed from broadcast ephemerides without noise.
 
 use crate::common::Failed;
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sdr_rx::acquisition::Acquisition;
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::gnss::constants::SPEED_OF_LIGHT;
@@ -39,9 +39,9 @@ impl Scene {
         let fixes = epochs.iter().map(|e| fix(&navigation, e)).collect();
         let acquisition = |o: &Observation| Acquisition {
             transmission: o.transmission,
-            doppler_hz: o.doppler_hz,
+            doppler_hz: o.doppler_hz.unwrap(),
             code_phase_chips: 511.5,
-            cn0_dbhz: o.cn0_dbhz,
+            cn0_dbhz: o.cn0_dbhz.unwrap(),
             statistic: 50.0,
             false_alarm: 1e-12,
         };
@@ -93,13 +93,13 @@ fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpo
             + L1_CENTRE_HZ * p.satellite.clock_drift_sps;
         (elevation > 0.26).then_some(Observation {
             transmission: signal::of(sv),
-            range: CodeRange::Pseudorange(metres),
+            range: Some(CodeRange::Pseudorange(metres)),
             range_sigma_m: 1.0,
-            doppler_hz,
+            doppler_hz: Some(doppler_hz),
             doppler_sigma_hz: 1.0,
             carrier_phase_cycles: Some(metres / L1_WAVELENGTH),
             lost_lock: k == 3,
-            cn0_dbhz: 35.0 + 10.0 * elevation.sin(),
+            cn0_dbhz: Some(35.0 + 10.0 * elevation.sin()),
         })
     };
     let observations = navigation.satellites().filter_map(observe).collect();
@@ -112,7 +112,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         let eph = navigation.ephemeris(o.sv(), epoch.receive_time)?;
         let p = Propagation::solve(eph, &PLACE, epoch.receive_time);
         let (azimuth, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
-        Some(Residual { sv: o.sv(), range_m: 0.5, doppler_hz: 0.1, azimuth, elevation })
+        Some(Residual { sv: o.sv(), range_m: Some(0.5), doppler_hz: Some(0.1), azimuth, elevation })
     };
     let side = if (epoch.sample as u64 / RATE_HZ as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
     let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&PLACE).ecef_to_enu();
@@ -121,9 +121,10 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         sample: epoch.sample,
         position_m: PLACE + to_enu.transpose() * Vector3::new(side, 0.0, 0.0),
         velocity_mps: Some(to_enu.transpose() * Vector3::new(0.0, 2.0, 0.0)),
-        clock_bias_s: 0.0,
+        clock_bias_s: Some(0.0),
         clock_drift_sps: Some(0.0),
-        covariance: Matrix4::identity(),
+        covariance: Matrix3::identity(),
+        clock_bias_sigma_s: Some(3e-9),
         pdop: 2.0,
         hdop: 1.2,
         vdop: 1.6,

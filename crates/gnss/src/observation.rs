@@ -17,21 +17,31 @@ pub enum CodeRange {
 pub struct Observation {
     /// The satellite and its signal.
     pub transmission: Transmission,
-    /// Code range.
-    pub range: CodeRange,
+    /// Code range, where one was measured.
+    pub range: Option<CodeRange>,
     /// Standard deviation of the code range by thermal noise, m.
     pub range_sigma_m: f64,
-    /// Doppler of the carrier, Hz, positive when the satellite approaches (range rate = -lambda D); NaN
-    /// where none was measured, as the code range may be.
-    pub doppler_hz: f64,
+    /// Doppler of the carrier, Hz, positive when the satellite approaches (range rate = -lambda D), where
+    /// it was measured.
+    pub doppler_hz: Option<f64>,
     /// Standard deviation of the Doppler, Hz.
     pub doppler_sigma_hz: f64,
     /// Carrier phase, cycles, that grows with the range, where a loop tracks it.
     pub carrier_phase_cycles: Option<f64>,
     /// Whether the carrier phase may have slipped since the observation before.
     pub lost_lock: bool,
-    /// Carrier-to-noise density, dB-Hz; NaN where it is not known.
-    pub cn0_dbhz: f64,
+    /// Carrier-to-noise density, dB-Hz, where it is known.
+    pub cn0_dbhz: Option<f64>,
+}
+
+impl Observation {
+    /// The full pseudorange, m, where that was measured.
+    pub fn pseudorange_m(&self) -> Option<f64> {
+        match self.range? {
+            CodeRange::Pseudorange(range_m) => Some(range_m),
+            CodeRange::ModuloCodePeriod(_) => None,
+        }
+    }
 }
 
 impl Observation {

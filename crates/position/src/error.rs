@@ -1,6 +1,6 @@
 //! Why no position was found.
 
-use super::solver::outcome::Failure;
+use super::solver::failure::Failure;
 use sdr_rx_gnss::orbit::NoOrbit;
 use sdr_rx_gnss::{GpsTime, Sv};
 use std::fmt;

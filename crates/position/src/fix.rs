@@ -1,6 +1,6 @@
 //! The result: a position with everything a person needs to trust it.
 
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::{GpsTime, Sv};
 
 /// How the observations came about.
@@ -22,10 +22,10 @@ pub enum FixMethod {
 pub struct Residual {
     /// The satellite.
     pub sv: Sv,
-    /// Observed minus computed code range, m; NaN where none was used.
-    pub range_m: f64,
-    /// Observed minus computed Doppler, Hz; NaN where none was measured.
-    pub doppler_hz: f64,
+    /// Observed minus computed code range, m, where one was used.
+    pub range_m: Option<f64>,
+    /// Observed minus computed Doppler, Hz, where one was measured.
+    pub doppler_hz: Option<f64>,
     /// Azimuth, rad from north over east.
     pub azimuth: f64,
     /// Elevation, rad.
@@ -57,13 +57,15 @@ pub struct Fix {
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, ECEF, if Dopplers gave it.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time); NaN where
+    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time); none where
     /// Dopplers alone were used.
-    pub clock_bias_s: f64,
+    pub clock_bias_s: Option<f64>,
     /// Rate of the receiver clock, s/s.
     pub clock_drift_sps: Option<f64>,
-    /// Covariance of position (east, north, up) and c x clock bias (NaN where that is), m^2.
-    pub covariance: Matrix4<f64>,
+    /// Covariance of the position (east, north, up), m^2.
+    pub covariance: Matrix3<f64>,
+    /// Standard deviation of the clock bias, s, where that is.
+    pub clock_bias_sigma_s: Option<f64>,
     /// Position dilution of precision of ranges: sqrt of the trace of the position part of (H^T H)^-1.
     pub pdop: f64,
     /// Horizontal dilution of precision.

@@ -1,37 +1,32 @@
 //! From observations to a position: least squares from the Earth's centre.
 //!
-//! On plain satellite positions and velocities, for a researcher: [`solver::Solver`] runs every solver by its
-//! name on pseudoranges, Dopplers or both ([`solver::observations`]), allocates nothing, and gives one
-//! [`solver::outcome::Solution`] with its trace: the paper's family ([`solver::aw_dgn_bt`]), the quicker and more robust
-//! [`solver::variable_projection`], [`solver::bancroft`]'s algebra, the gradient family ([`solver::descent`]). [`solve_epoch`] and
-//! [`solve_snapshot`] are the receiver's, with every correction that broadcast data allow.
+//! For a researcher, on plain satellite positions and velocities: [`solver::Solver`] runs every solver by its
+//! name on [`Row`]s, pseudoranges, Dopplers or both, by any number of clocks, and gives one
+//! [`solver::point_solution::PointSolution`] with its trace: the paper's family ([`solver::aw_dgn_bt`]), the
+//! quicker and more robust [`solver::variable_projection`], [`solver::bancroft`]'s algebra, the gradient family
+//! ([`solver::descent`]). For a receiver, with every correction that broadcast data allow: [`solve_epoch`],
+//! [`solve_static`] and [`solve_snapshot`].
 
-mod adjustment;
-mod cold_start;
+mod epoch;
 mod error;
 mod fix;
-pub mod least_squares;
+mod gauss_newton;
+mod integrity;
+mod least_squares;
+mod loss;
 mod options;
-mod point;
-mod robust;
-mod selection;
-mod sight;
-mod snapshot;
-mod solution;
-pub mod solver;
-mod static_point;
-mod statistics;
+mod problem;
 #[cfg(test)]
-mod synthetic;
-mod velocity;
+mod simulated;
+mod snapshot;
+pub mod solver;
 
+pub use epoch::static_point::solve_static;
+pub use epoch::{solve_epoch, solve_traced};
 pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual, TimeSearch};
-pub use options::{
-    Exclusion, Height, Observable, PositioningOptions, SnapshotOptions, SolveOptions,
-};
-pub use point::{solve_epoch, solve_observed};
-pub use robust::Robust;
+pub use loss::Robust;
+pub use options::{Exclusion, Height, Observable, PositioningOptions};
+pub use problem::{Place, Row, RowKind, Satellite, Seen};
 pub use snapshot::solve_snapshot;
 pub use solver::Solver;
-pub use static_point::solve_static;

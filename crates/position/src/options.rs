@@ -1,42 +1,46 @@
 //! What the user may choose.
 
-use super::robust::Robust;
+use super::loss::Robust;
 use super::solver::Solver;
 use sdr_rx_gnss::atmosphere::Troposphere;
 
-/// Options of the receiver's position solutions.
+/// Options of position solutions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositioningOptions {
     /// Troposphere model.
     pub troposphere: Troposphere,
     /// Satellites below this elevation, rad, are not used.
     pub elevation_mask: f64,
-}
-
-/// Saastamoinen's troposphere, mask 5 degrees.
-impl Default for PositioningOptions {
-    fn default() -> Self {
-        Self { troposphere: Troposphere::default(), elevation_mask: 5f64.to_radians() }
-    }
-}
-
-/// Options of the snapshot solution.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SnapshotOptions {
-    /// What all position solutions share.
-    pub positioning: PositioningOptions,
-    /// How far the epoch's receive time may be from GPS time, s, either way. Beyond ten minutes the time is
+    /// What an epoch is solved from.
+    pub observable: Observable,
+    /// The solver that comes from the Earth's centre to an epoch's place.
+    pub solver: Solver,
+    /// How an epoch's outliers are weighted.
+    pub robust: Robust,
+    /// What is done about contradictions in an epoch.
+    pub exclusion: Exclusion,
+    /// What is known of the height at an epoch.
+    pub height: Option<Height>,
+    /// How far a snapshot's receive time may be from GPS time, s, either way. Beyond ten minutes the time is
     /// searched for; where it is infinite, at all times that the ephemerides cover.
     pub time_uncertainty_s: f64,
-    /// Speed that the receiver may have, m/s: it enters the standard deviation of the Dopplers.
+    /// Speed that the receiver of a snapshot may have, m/s: it enters the standard deviation of the Dopplers.
     pub user_speed_mps: f64,
 }
 
-/// Time known to a minute, a receiver that stands still.
-impl Default for SnapshotOptions {
+/// Saastamoinen's troposphere, mask 5 degrees; epochs by pseudoranges, [`Solver::Best`], plain least squares,
+/// exclusion by the chi-square test; snapshots whose time is known to a minute, of a receiver that stands
+/// still.
+impl Default for PositioningOptions {
     fn default() -> Self {
         Self {
-            positioning: PositioningOptions::default(),
+            troposphere: Troposphere::default(),
+            elevation_mask: 5f64.to_radians(),
+            observable: Observable::default(),
+            solver: Solver::Best,
+            robust: Robust::default(),
+            exclusion: Exclusion::default(),
+            height: None,
             time_uncertainty_s: 60.0,
             user_speed_mps: 0.0,
         }
@@ -77,35 +81,4 @@ pub struct Height {
     pub height_m: f64,
     /// Its standard deviation, m.
     pub sigma_m: f64,
-}
-
-/// Options of positions from observations whose time is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SolveOptions {
-    /// What all position solutions share.
-    pub positioning: PositioningOptions,
-    /// What is solved from.
-    pub observable: Observable,
-    /// The solver that comes from the Earth's centre.
-    pub solver: Solver,
-    /// How outliers are weighted.
-    pub robust: Robust,
-    /// What is done about contradictions.
-    pub exclusion: Exclusion,
-    /// What is known of the height.
-    pub height: Option<Height>,
-}
-
-/// Pseudoranges by AW-DGN-BT, plain least squares, exclusion by the chi-square test.
-impl Default for SolveOptions {
-    fn default() -> Self {
-        Self {
-            positioning: PositioningOptions::default(),
-            observable: Observable::default(),
-            solver: Solver::Best,
-            robust: Robust::default(),
-            exclusion: Exclusion::default(),
-            height: None,
-        }
-    }
 }

@@ -1,8 +1,8 @@
 //! Where AW-DGN-BT does not come to the optimum, and what variable projection with restarts does there: few
 //! satellites, low orbits at their true speed, receivers above the ground.
 
-use super::geometry::{Case, Shell, scaled_down};
-use super::scale_down::Observable;
+use super::geometry::{Shell, observe, scaled_down};
+use super::scale_down::{name, sigma};
 use super::tally::{Tally, judge};
 use nalgebra::Vector3;
 use rand::seq::IndexedRandom;
@@ -12,8 +12,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::position::solver::Solver;
-use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
+use sdr_rx::position::{RowKind, Satellite, Solver};
 use sdr_rx::report::HeatMap;
 
 /// The solvers that are compared.
@@ -59,17 +58,11 @@ impl Draw {
         }
     }
 
-    fn judge(&self, rng: &mut ChaCha8Rng, observable: Observable) -> Vec<Tally> {
-        match observable {
-            Observable::Pseudorange => self.of::<Pseudorange>(rng, observable.sigma()),
-            Observable::Doppler => self.of::<Doppler>(rng, observable.sigma()),
-        }
-    }
-
-    fn of<M: ObservationModel>(&self, rng: &mut ChaCha8Rng, sigma: f64) -> Vec<Tally> {
+    fn judge(&self, rng: &mut ChaCha8Rng, kind: RowKind) -> Vec<Tally> {
         let errors: Vec<f64> = self.satellites.iter().map(|_| rng.sample(StandardNormal)).collect();
-        let case = Case::new::<M>(self.satellites.clone(), &self.receiver_m, sigma, |k| errors[k]);
-        judge::<M>(&SOLVERS, &case, &self.receiver_m, sigma)
+        let (satellites, sigma) = (self.satellites.iter().copied(), sigma(kind));
+        let rows = observe(kind, satellites, &self.receiver_m, sigma, |k| errors[k]);
+        judge(&SOLVERS, &rows, &self.receiver_m, sigma)
     }
 }
 
@@ -77,7 +70,7 @@ impl Draw {
 fn tally(
     runs: u64,
     draw: impl Fn(&mut ChaCha8Rng) -> Draw + Sync,
-    observable: Observable,
+    observable: RowKind,
 ) -> [Tally; 2] {
     let one = |run: u64| {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -134,9 +127,9 @@ pub struct Failures {
 /// Draws `runs` cases for each cell; `progress` is told the share that is done.
 pub fn run(runs: u64, progress: &(dyn Fn(f64) + Sync)) -> Failures {
     let km = |h: f64| EARTH_RADIUS + 1e3 * h;
-    let scaled = Observable::BOTH.iter().flat_map(|&observable| {
+    let scaled = RowKind::ALL.iter().flat_map(|&observable| {
         COUNTS.map(|count| Row {
-            label: format!("{} {count} sat.", observable.name()),
+            label: format!("{} {count} sat.", name(observable)),
             tallies: SCALED_KM
                 .map(|height| {
                     let draw = |rng: &mut ChaCha8Rng| {
@@ -158,7 +151,7 @@ pub fn run(runs: u64, progress: &(dyn Fn(f64) + Sync)) -> Failures {
         tallies: SHELLS_KM
             .map(|height| {
                 let shell = Shell { radius_m: km(height), ..Shell::STARLINK };
-                tally(runs, |rng| Draw::new(rng, &shell, count, 0.0), Observable::Doppler)
+                tally(runs, |rng| Draw::new(rng, &shell, count, 0.0), RowKind::RangeRate)
             })
             .to_vec(),
     });
@@ -166,14 +159,14 @@ pub fn run(runs: u64, progress: &(dyn Fn(f64) + Sync)) -> Failures {
     let at_user = |height: f64, observable| {
         tally(runs, |rng| Draw::new(rng, &Shell::GPS, 0, 1e3 * height), observable)
     };
-    let users = Observable::BOTH.map(|observable| Row {
-        label: observable.name().into(),
+    let users = RowKind::ALL.map(|observable| Row {
+        label: name(observable).into(),
         tallies: USERS_KM.map(|height| at_user(height, observable)).to_vec(),
     });
     progress(0.9);
     let low = |shell: Shell| {
         COUNTS
-            .map(|n| (n, tally(runs, |rng| Draw::new(rng, &shell, n, 0.0), Observable::Doppler)))
+            .map(|n| (n, tally(runs, |rng| Draw::new(rng, &shell, n, 0.0), RowKind::RangeRate)))
             .to_vec()
     };
     let mut in_orbit = [Tally::default(); 2];

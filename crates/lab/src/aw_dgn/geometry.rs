@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{EARTH_RADIUS, OMEGA_EARTH};
 use sdr_rx::gnss::coordinates::azimuth_elevation;
-use sdr_rx::position::solver::model::{ObservationModel, Satellite};
+use sdr_rx::position::{Row, RowKind, Satellite};
 
 /// Gravitational constant of the Earth, m^3/s^2 (WGS 84).
 const MU: f64 = 3.986_004_418e14;
@@ -93,31 +93,19 @@ pub fn altitudes_m() -> Vec<f64> {
     low.chain((1..=40).map(|k| 2000e3 + 455e3 * f64::from(k))).collect()
 }
 
-/// Satellites at one epoch and height, and what a receiver observes of them.
-#[derive(Clone, Debug)]
-pub struct Case {
-    /// The satellites.
-    pub satellites: Vec<Satellite>,
-    /// Observations of them, m or m/s.
-    pub observed: Vec<f64>,
-}
-
-impl Case {
-    /// Observations of `satellites` from `receiver_m` with an error of standard deviation `sigma` each, of
-    /// which `error` gives a value of unit variance for each index.
-    pub fn new<M: ObservationModel>(
-        satellites: Vec<Satellite>,
-        receiver_m: &Vector3<f64>,
-        sigma: f64,
-        error: impl Fn(usize) -> f64,
-    ) -> Self {
-        let observed = satellites
-            .iter()
-            .enumerate()
-            .map(|(k, s)| M::predict(s, receiver_m) + sigma * error(k))
-            .collect();
-        Self { satellites, observed }
-    }
+/// Observations of `satellites` from `receiver_m` with an error of standard deviation `sigma` each, which they
+/// do not tell, of which `error` gives a value of unit variance for each index.
+pub fn observe(
+    kind: RowKind,
+    satellites: impl Iterator<Item = Satellite>,
+    receiver_m: &Vector3<f64>,
+    sigma: f64,
+    error: impl Fn(usize) -> f64,
+) -> Vec<Row> {
+    satellites
+        .enumerate()
+        .map(|(k, s)| Row::new(kind, s, kind.see(&s, receiver_m).value + sigma * error(k)))
+        .collect()
 }
 
 #[cfg(test)]

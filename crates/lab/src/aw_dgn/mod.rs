@@ -14,8 +14,8 @@ use crate::Findings;
 use crate::claim::Claim;
 use failures::Failures;
 use geometry::altitudes_m;
-use scale_down::{Observable, SITES, Study};
-use sdr_rx::position::solver::Solver;
+use scale_down::{SITES, Study, name};
+use sdr_rx::position::{RowKind, Solver};
 use sdr_rx::report::HeatMap;
 use std::fmt::Write;
 use tally::Tally;
@@ -41,13 +41,13 @@ impl AwDgnEffort {
 
 /// What became of some solvers at every height, by one observable at one place.
 struct Series {
-    observable: Observable,
+    observable: RowKind,
     place: &'static str,
     rows: Vec<(Solver, Vec<Tally>)>,
 }
 
 impl Series {
-    fn new(study: &Study, place: &'static str, observable: Observable, solvers: &[Solver]) -> Self {
+    fn new(study: &Study, place: &'static str, observable: RowKind, solvers: &[Solver]) -> Self {
         let tallies = study.run(observable, solvers, 1.0);
         Self { observable, place, rows: solvers.iter().copied().zip(tallies).collect() }
     }
@@ -101,11 +101,11 @@ pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
     let mut solvers: Vec<Solver> = dampings.collect();
     solvers.sort_by_key(|s| matches!(s, Solver::AwDgn(_)));
     solvers.extend(fixed);
-    let turin = Observable::BOTH.map(|o| Series::new(&turin, "Turin", o, &solvers));
+    let turin = RowKind::ALL.map(|o| Series::new(&turin, "Turin", o, &solvers));
     let noisy: Vec<Summary> = [1.0, 6.0, 20.0]
         .map(|scale| {
             let study = Study::turin();
-            Summary::of(&study.run(Observable::Doppler, &[Solver::AwDgnBt], scale)[0])
+            Summary::of(&study.run(RowKind::RangeRate, &[Solver::AwDgnBt], scale)[0])
         })
         .to_vec();
     progress(0.1);
@@ -113,7 +113,7 @@ pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
         .iter()
         .flat_map(|(name, place)| {
             let study = Study::site(*place, effort.interval_s);
-            Observable::BOTH.map(|o| Series::new(&study, name, o, &fixed))
+            RowKind::ALL.map(|o| Series::new(&study, name, o, &fixed))
         })
         .collect();
     progress(0.5);
@@ -122,14 +122,14 @@ pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
     let mut maps: Vec<HeatMap> = turin
         .iter()
         .zip(["fig2_turin_pseudorange", "fig3_turin_doppler"])
-        .map(|(s, name)| s.map(name, format!("Turin, five satellites, {}", s.observable.name())))
+        .map(|(s, file)| s.map(file, format!("Turin, five satellites, {}", name(s.observable))))
         .collect();
     for (series, k) in sites.iter().zip(0..) {
         let figure = 5 + k % 2;
         let place = series.place.to_lowercase().replace(' ', "_");
         maps.push(series.map(
-            &format!("fig{figure}_{place}_{}", series.observable.name().to_lowercase()),
-            format!("{}, Galileo, {}", series.place, series.observable.name()),
+            &format!("fig{figure}_{place}_{}", name(series.observable).to_lowercase()),
+            format!("{}, Galileo, {}", series.place, name(series.observable)),
         ));
     }
     let claims = claims(&turin, &sites, &noisy, &failures);
@@ -150,7 +150,7 @@ fn table(series: &[Series]) -> String {
                 text,
                 "{},{},{solver},{},{},{},{heights},{:.3},{}",
                 s.place,
-                s.observable.name(),
+                name(s.observable),
                 all.runs,
                 all.right,
                 all.wrong + all.named,
@@ -189,15 +189,15 @@ fn claims(
         chosen.collect::<Vec<_>>()
     };
     let means = |s: &[Summary]| span(s.iter().map(|s| s.all.mean_iterations()), 2);
-    let [pseudorange, doppler] = Observable::BOTH.map(|o| means(&of(&aw, o)));
-    let [vp_pseudorange, vp_doppler] = Observable::BOTH.map(|o| means(&of(&vp, o)));
+    let [pseudorange, doppler] = RowKind::ALL.map(|o| means(&of(&aw, o)));
+    let [vp_pseudorange, vp_doppler] = RowKind::ALL.map(|o| means(&of(&vp, o)));
     let near = |s: &[Summary]| s.iter().all(|s| (6.0..8.0).contains(&s.all.mean_iterations()));
     let runs: usize = aw.iter().map(|s| s.all.runs).sum();
     let right: usize = aw.iter().map(|s| s.all.right).sum();
     let [best_range, best_doppler] = [0, 1].map(|k| best_damping(&turin[k]));
     let at_turin = [0, 1].map(|k| turin[k].of(Solver::AwDgnBt));
     let bt_heights = |o| span(of(&bt, o).iter().map(|s| s.heights as f64), 0);
-    let bt_wrong = of(&bt, Observable::Pseudorange)
+    let bt_wrong = of(&bt, RowKind::Range)
         .iter()
         .map(|s| 100.0 * s.all.wrong as f64 / s.all.runs as f64)
         .fold(0.0, f64::max);
@@ -268,15 +268,15 @@ fn claims(
             "Fig. 6",
             "ADGN-BT too, by Doppler",
             "< 40",
-            bt_heights(Observable::Doppler),
-            of(&bt, Observable::Doppler).iter().all(|s| s.heights < 40),
+            bt_heights(RowKind::RangeRate),
+            of(&bt, RowKind::RangeRate).iter().all(|s| s.heights < 40),
         ),
         claim(
             "Fig. 5",
             "ADGN-BT too, by pseudorange",
             "< 40",
-            bt_heights(Observable::Pseudorange),
-            of(&bt, Observable::Pseudorange).iter().all(|s| s.heights < 40),
+            bt_heights(RowKind::Range),
+            of(&bt, RowKind::Range).iter().all(|s| s.heights < 40),
         ),
         claim(
             "text",

@@ -1,41 +1,27 @@
 //! The paper's two studies: satellites in view of Turin, and of three sites, brought down to a hundred heights.
 
-use super::geometry::{Case, Shell, altitudes_m, scaled_down};
+use super::geometry::{Shell, altitudes_m, observe, scaled_down};
 use super::tally::{Tally, judge};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sdr_rx::gnss::constants::EARTH_RADIUS;
 use sdr_rx::gnss::coordinates::Geodetic;
-use sdr_rx::position::solver::Solver;
-use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Satellite};
+use sdr_rx::gnss::signal::L1_WAVELENGTH;
+use sdr_rx::position::{RowKind, Satellite, Solver};
 
-/// Which of the two observables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Observable {
-    /// Pseudorange with an error of 3 m.
-    Pseudorange,
-    /// Doppler with an error of 0.5 Hz.
-    Doppler,
+/// Name of an observable.
+pub fn name(kind: RowKind) -> &'static str {
+    match kind {
+        RowKind::Range => "pseudorange",
+        RowKind::RangeRate => "Doppler",
+    }
 }
 
-impl Observable {
-    /// Both.
-    pub const BOTH: [Self; 2] = [Self::Pseudorange, Self::Doppler];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pseudorange => "pseudorange",
-            Self::Doppler => "Doppler",
-        }
-    }
-
-    /// Standard deviation of its error, m or m/s.
-    pub fn sigma(self) -> f64 {
-        match self {
-            Self::Pseudorange => 3.0,
-            Self::Doppler => 0.5 * sdr_rx::gnss::signal::L1_WAVELENGTH,
-        }
+/// Standard deviation of its error, m or m/s: 3 m, and 0.5 Hz.
+pub fn sigma(kind: RowKind) -> f64 {
+    match kind {
+        RowKind::Range => 3.0,
+        RowKind::RangeRate => 0.5 * L1_WAVELENGTH,
     }
 }
 
@@ -76,17 +62,10 @@ impl Study {
         Self { receiver_m, epochs: epochs.collect() }
     }
 
-    /// What becomes of each of `solvers` at each height, errors `scale` times those of the observable.
-    pub fn run(&self, observable: Observable, solvers: &[Solver], scale: f64) -> Vec<Vec<Tally>> {
-        let sigma = scale * observable.sigma();
-        match observable {
-            Observable::Pseudorange => self.of::<Pseudorange>(solvers, sigma),
-            Observable::Doppler => self.of::<Doppler>(solvers, sigma),
-        }
-    }
-
-    /// For each solver a tally a height.
-    fn of<M: ObservationModel>(&self, solvers: &[Solver], sigma: f64) -> Vec<Vec<Tally>> {
+    /// What becomes of each of `solvers` at each height, errors `scale` times those of the observable: for each
+    /// solver a tally a height.
+    pub fn run(&self, kind: RowKind, solvers: &[Solver], scale: f64) -> Vec<Vec<Tally>> {
+        let sigma = scale * sigma(kind);
         let by_height: Vec<Vec<Tally>> = altitudes_m()
             .par_iter()
             .enumerate()
@@ -94,12 +73,11 @@ impl Study {
                 let mut tallies = vec![Tally::default(); solvers.len()];
                 for (epoch, in_view) in self.epochs.iter().enumerate() {
                     let radius_m = EARTH_RADIUS + altitude;
-                    let low = |s| scaled_down(s, &self.receiver_m, radius_m);
-                    let satellites = in_view.iter().map(|(_, s)| low(s)).collect();
-                    let case = Case::new::<M>(satellites, &self.receiver_m, sigma, |k| {
-                        wave(in_view[k].0, epoch, height)
-                    });
-                    let judged = judge::<M>(solvers, &case, &self.receiver_m, sigma);
+                    let low =
+                        in_view.iter().map(|(_, s)| scaled_down(s, &self.receiver_m, radius_m));
+                    let error = |k: usize| wave(in_view[k].0, epoch, height);
+                    let rows = observe(kind, low, &self.receiver_m, sigma, error);
+                    let judged = judge(solvers, &rows, &self.receiver_m, sigma);
                     tallies.iter_mut().zip(judged).for_each(|(sum, one)| *sum += one);
                 }
                 tallies

@@ -1,12 +1,9 @@
 //! How often a solver comes to the least-squares optimum, and in how many iterations.
 
-use super::geometry::Case;
 use nalgebra::Vector3;
-use sdr_rx::position::solver::Solver;
 use sdr_rx::position::solver::aw_dgn_bt::{Damping, iterate};
-use sdr_rx::position::solver::model::ObservationModel;
-use sdr_rx::position::solver::observations::{Observed, Sigma};
-use sdr_rx::position::solver::outcome::{Ambiguity, State};
+use sdr_rx::position::solver::point_solution::Ambiguity;
+use sdr_rx::position::{Place, Row, Solver};
 use std::ops::AddAssign;
 
 /// A solution this near the optimum is the optimum, m.
@@ -57,27 +54,21 @@ impl AddAssign for Tally {
     }
 }
 
-/// Each of `solvers` on one case with errors of `sigma` (m or m/s), for a receiver at `truth` (ECEF).
+/// Each of `solvers` on rows with errors of `sigma` (m or m/s), for a receiver at `truth` (ECEF).
 ///
 /// The optimum is where backtracking Gauss-Newton leads from the truth; without one, no run is right.
-pub fn judge<M: ObservationModel>(
-    solvers: &[Solver],
-    case: &Case,
-    truth: &Vector3<f64>,
-    sigma: f64,
-) -> Vec<Tally> {
-    let observed = || Observed::<M>::new(&case.satellites, &case.observed);
-    let (observations, weighted) = (observed(), observed().with_sigma(Sigma::Same(sigma)));
-    let start = State { position_m: *truth, ..State::CENTRE };
-    let optimum = iterate(&observations, &Damping::ADGN_BT, &start, |_| ()).ok();
-    let is_optimum = |state: &State| {
+pub fn judge(solvers: &[Solver], rows: &[Row], truth: &Vector3<f64>, sigma: f64) -> Vec<Tally> {
+    let weighted: Vec<Row> = rows.iter().map(|row| row.with_sigma(sigma)).collect();
+    let optimum = iterate(rows, &Damping::ADGN_BT, &Place::at(*truth), |_| ()).ok();
+    let is_optimum = |state: &Place| {
+        let optimum = optimum.as_ref();
         optimum.is_some_and(|o| (state.position_m - o.state.position_m).norm() < SAME_M)
     };
     let one = |solver: &Solver| {
         // The paper's solvers weigh all rows alike, and floors of theirs are in m.
         let solved = match solver {
             Solver::Vp | Solver::VpOnce => solver.solve(&weighted, |_| ()),
-            _ => solver.solve(&observations, |_| ()),
+            _ => solver.solve(rows, |_| ()),
         };
         let mut tally = Tally { runs: 1, ..Tally::default() };
         match solved {

@@ -13,15 +13,15 @@
 //! the longitude turned by 180 degrees, where the Dopplers are the same, and a sidereal day (23 h 56 m)
 //! later at the same place.
 
-use super::coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
+use super::coarse_time::{CoarseFix, CoarseTime};
 use super::code_phases::Prediction;
-use super::doppler_time::{DopplerState, Minimum, minima};
+use super::doppler_time::{Minimum, minima};
 use super::time_window::TimeWindow;
 use super::{Found, NEEDED, finish, limit};
+use crate::epoch::sighting::Sighting;
 use crate::error::PositioningError;
-use crate::sight::Sighting;
-use crate::{Fix, SnapshotOptions, TimeSearch};
-use nalgebra::Vector3;
+use crate::{Fix, PositioningOptions, TimeSearch};
+use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::OMEGA_EARTH;
 use sdr_rx_gnss::observation::ObservationEpoch;
 use sdr_rx_gnss::{GpsTime, NavigationData, Sv};
@@ -86,7 +86,7 @@ impl Search<'_> {
     /// Position (m, ECEF) and time of a candidate.
     fn place(&self, candidate: &Candidate) -> (Vector3<f64>, GpsTime) {
         let fix = &candidate.found.fix;
-        (fix.position_m(), self.hypotheses[candidate.hypothesis].time + fix.state[TIME])
+        (fix.position_m(), self.hypotheses[candidate.hypothesis].time + fix.late_s())
     }
 }
 
@@ -94,7 +94,7 @@ impl Search<'_> {
 pub(super) fn solve_blind(
     epoch: &ObservationEpoch,
     nav: &NavigationData,
-    options: &SnapshotOptions,
+    options: &PositioningOptions,
 ) -> Result<Fix, PositioningError> {
     let blind = Blind::new(epoch, nav, options)?;
     let all: Vec<Sv> = epoch.observations.iter().map(|o| o.sv()).collect();
@@ -119,17 +119,17 @@ pub(super) fn solve_blind(
 struct Blind<'a> {
     window: TimeWindow<'a>,
     nav: &'a NavigationData,
-    options: SnapshotOptions,
+    options: PositioningOptions,
 }
 
 impl<'a> Blind<'a> {
     fn new(
         epoch: &'a ObservationEpoch,
         nav: &'a NavigationData,
-        options: &SnapshotOptions,
+        options: &PositioningOptions,
     ) -> Result<Self, PositioningError> {
         let window = TimeWindow::new(epoch, nav, options.time_uncertainty_s)?;
-        let options = SnapshotOptions { time_uncertainty_s: FREE_TIME_S, ..*options };
+        let options = PositioningOptions { time_uncertainty_s: FREE_TIME_S, ..*options };
         Ok(Self { window, nav, options })
     }
 
@@ -161,11 +161,11 @@ impl<'a> Blind<'a> {
     /// Looks where the best candidate has its aliases, for what the starts may have missed.
     fn add_aliases(&self, search: &mut Search<'a>, excluded: Option<Sv>) {
         let Some((at, time)) = search.candidates.first().map(|c| search.place(c)) else { return };
-        let drift = search.candidates[0].found.fix.state[DRIFT];
+        let drift_mps = search.candidates[0].found.fix.drift_mps;
         for (k, time) in aliases(time).filter(|(_, t)| self.window.is_searched(*t, 0.0)) {
             let turn = if k % 2 == 0 { 1.0 } else { -1.0 };
-            let state = DopplerState::new(turn * at.x, turn * at.y, at.z, drift, 0.0);
-            let minimum = Minimum { state, iterations: 0 };
+            let place_time = Vector4::new(turn * at.x, turn * at.y, at.z, 0.0);
+            let minimum = Minimum { place_time, drift_mps, iterations: 0 };
             let Some(hypothesis) = self.hypothesis(time, &minimum, excluded) else { continue };
             if search.hypotheses.iter().any(|h| h.is(&hypothesis)) {
                 continue;
@@ -185,19 +185,17 @@ impl<'a> Blind<'a> {
         minimum: &Minimum,
         excluded: Option<Sv>,
     ) -> Option<Hypothesis<'a>> {
-        let time = cell + minimum.state[4];
+        let time = cell + minimum.place_time.w;
         let (set, _) = self.window.sightings(time, excluded);
         if set.len() < NEEDED {
             return None;
         }
-        let mut start = State::zeros();
-        start.fixed_rows_mut::<3>(0).copy_from(&minimum.state.fixed_rows::<3>(0));
-        start[DRIFT] = minimum.state[3];
-        let region = self.problem(time).solve(&set, None, start)?;
-        let found = time + region.state[TIME];
+        let start = minimum.place_time.xyz().push(0.0);
+        let region = self.problem(time).solve(&set, None, start, minimum.drift_mps)?;
+        let found = time + region.late_s();
         let rows = set.iter().filter(|s| s.range_rate().is_some()).count();
         let holds = region.cost <= limit(rows)
-            && region.sights.iter().all(|s| s.elevation > LOWEST)
+            && region.predictions.iter().all(|s| s.elevation > LOWEST)
             && self.window.is_searched(found, MARGIN_S);
         let iterations = minimum.iterations + region.iterations;
         holds.then_some(Hypothesis { time, set, region, iterations })
@@ -213,11 +211,10 @@ impl<'a> Blind<'a> {
         let (set, region) = (&hypothesis.set, &hypothesis.region);
         let prediction = Prediction::new(set, region);
         let cost_limit = limit(2 * set.len());
-        let mut start = region.state;
-        start[BIAS] = prediction.bias_m;
+        let (start, bias_m) = (region.place_time, prediction.bias_m);
         let solve = |integers: Vec<i32>| {
-            let fix = problem.solve(set, Some(&integers), start)?;
-            let time = hypothesis.time + fix.state[TIME];
+            let fix = problem.solve(set, Some((&integers, bias_m)), start, region.drift_mps)?;
+            let time = hypothesis.time + fix.late_s();
             let holds = fix.cost <= cost_limit && self.window.is_searched(time, ONE_TIME_S);
             let iterations = hypothesis.iterations + fix.iterations;
             holds.then_some(Found { fix, integers, iterations })
@@ -301,7 +298,7 @@ impl<'a> Blind<'a> {
         let excluded = excluded.into_iter().collect();
         let fix = finish(&problem, epoch, &hypothesis.set, best.found.clone(), excluded)?;
         Ok(Fix {
-            clock_bias_s: epoch.receive_time - fix.time,
+            clock_bias_s: Some(epoch.receive_time - fix.time),
             time_search: Some(TimeSearch {
                 searched_s: self.window.searched_s(),
                 left_out_s: self.window.left_out_s,
@@ -315,7 +312,7 @@ impl<'a> Blind<'a> {
 
 impl Hypothesis<'_> {
     fn is(&self, other: &Self) -> bool {
-        let time = |h: &Self| h.time + h.region.state[TIME];
+        let time = |h: &Self| h.time + h.region.late_s();
         (self.region.position_m() - other.region.position_m()).norm() < SAME_PLACE_M
             && (time(self) - time(other)).abs() < SAME_TIME_S
     }

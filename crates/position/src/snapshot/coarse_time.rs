@@ -1,37 +1,39 @@
 //! Least squares with time as an unknown: code phases, Dopplers and a soft height together.
 //!
-//! Unknowns `x = (r, b, d, tau)`: position (ECEF, m), common part of the code phases (m), c times the
-//! drift of the receiver's clock (m/s), and GPS time of reception minus the given time (s). Per
-//! satellite, with the predictions of [`Sight`] at `t = t0 + tau`:
+//! Unknowns: position `r` (ECEF, m), GPS time of reception minus the given time `tau` (s), common part of the
+//! code phases `b` (m), c times the drift of the receiver's clock `d` (m/s). Per satellite, with the
+//! predictions of [`Predicted`] at `t = t0 + tau`:
 //!
 //! ```text
-//! code phase + 1 ms c N = range(r, t) + b,  rows (-u, 1, 0, range rate)
-//! -lambda D = rate(r, t) + d,               rows (grad rate, 0, 1, range acceleration)
+//! code phase + 1 ms c N = range(r, t) + b,  rows by r, tau, b, d (-u, range rate, 1, 0)
+//! -lambda D = rate(r, t) + d,               rows (grad rate, range acceleration, 0, 1)
 //! ```
 //!
 //! (van Diggelen, A-GPS, 2009, chapter 4, with Dopplers added), and two priors: a height of 500 m
 //! +- 2 km on WGS 84, and `tau` of 0 +- the given uncertainty.
 
-use crate::SnapshotOptions;
-use crate::least_squares::LeastSquares;
-use crate::sight::{Sight, Sighting};
-use nalgebra::{SMatrix, SVector, Vector3};
+use crate::PositioningOptions;
+use crate::epoch::ITERATES_M;
+use crate::epoch::predicted::Predicted;
+use crate::epoch::sighting::Sighting;
+use crate::gauss_newton::{Damping, Model, Point, Step, Verdict, gauss_newton};
+use crate::least_squares::{LeastSquares, LinearRow, Terms};
+use nalgebra::{Matrix4, Vector3, Vector4};
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::signal::GPS_L1_CA;
 use sdr_rx_gnss::{GpsTime, NavigationData};
 
-/// Position, code bias, drift, time: m, m, m/s, s.
-pub(super) type State = SVector<f64, 6>;
-/// Indices of the last three.
-pub(super) const BIAS: usize = 3;
-pub(super) const DRIFT: usize = 4;
-pub(super) const TIME: usize = 5;
+/// Index of the time among position and time.
+pub(super) const TIME: usize = 3;
+/// Clock terms.
+const BIAS: usize = 0;
+const DRIFT: usize = 1;
 
 /// c x 1 ms, m.
 pub(super) const CODE_PERIOD_M: f64 = SPEED_OF_LIGHT * GPS_L1_CA.period_s();
 
-/// Prior height and its deviation, m: most places on land within one deviation, all within four.
+/// Prior height and its standard deviation, m: most places on land within one, all within four.
 const HEIGHT: f64 = 500.0;
 const HEIGHT_SIGMA: f64 = 2e3;
 
@@ -39,7 +41,7 @@ const HEIGHT_SIGMA: f64 = 2e3;
 pub(super) struct CoarseTime<'a> {
     pub time: GpsTime,
     pub nav: &'a NavigationData,
-    pub options: &'a SnapshotOptions,
+    pub options: &'a PositioningOptions,
 }
 
 /// Cost per satellite at which an attempt is given up: a right one costs about 2.
@@ -51,106 +53,125 @@ const MOST_ITERATIONS: usize = 20;
 /// A converged solution.
 #[derive(Clone)]
 pub(super) struct CoarseFix {
-    pub state: State,
-    pub sights: Vec<Sight>,
+    /// Position and time, m and s.
+    pub place_time: Vector4<f64>,
+    /// Common part of the code phases, m.
+    pub bias_m: f64,
+    /// c times the drift of the receiver's clock, m/s.
+    pub drift_mps: f64,
+    pub predictions: Vec<Predicted>,
     /// Observed minus computed code ranges, m.
     pub code_residuals_m: Vec<f64>,
     /// Weighted sum of squared residuals, priors included.
     pub cost: f64,
-    /// Of the state.
-    pub covariance: SMatrix<f64, 6, 6>,
+    /// Of position and time.
+    pub covariance: Matrix4<f64>,
     pub iterations: usize,
 }
 
 impl CoarseFix {
     pub fn position_m(&self) -> Vector3<f64> {
-        self.state.fixed_rows::<3>(0).into_owned()
+        self.place_time.xyz()
+    }
+
+    /// Time of reception minus the given time, s.
+    pub fn late_s(&self) -> f64 {
+        self.place_time[TIME]
     }
 }
 
 impl CoarseTime<'_> {
-    /// Gauss-Newton from `start`, by Dopplers alone or with the code phases too when their whole
-    /// periods `integers` are given; `None` if it leaves the Earth or does not settle.
+    /// Gauss-Newton from a place and time with a drift (m/s), by Dopplers alone, or with the code phases too
+    /// when their whole periods and common part (m) are given; `None` if it leaves the Earth or does not settle.
     pub fn solve(
         &self,
         set: &[Sighting],
-        integers: Option<&[i32]>,
-        start: State,
+        codes: Option<(&[i32], f64)>,
+        start: Vector4<f64>,
+        drift_mps: f64,
     ) -> Option<CoarseFix> {
-        let mut state = start;
-        let mut system = LeastSquares::<6>::default();
-        for iterations in 1..=MOST_ITERATIONS {
-            let position_m = Vector3::new(state[0], state[1], state[2]);
-            let sights: Vec<Sight> = set
-                .iter()
-                .map(|s| {
-                    let t = self.time + state[TIME];
-                    Sight::new(s.orbit, &position_m, t, self.nav, &self.options.positioning)
-                })
-                .collect();
-            let mut cost = 0.0;
-            let mut push = |row: State, residual: f64, sigma: f64| {
-                system.push(&(row / sigma), residual / sigma);
-                cost += (residual / sigma).powi(2);
-            };
-            let mut code_residuals_m = Vec::with_capacity(set.len());
-            for (k, (sighting, sight)) in set.iter().zip(&sights).enumerate() {
-                let rate = sight.range_rate(&Vector3::zeros(), 0.0);
-                if let Some((observed, sigma)) = sighting.range_rate() {
-                    let g = sight.rate_gradient;
-                    let row = State::new(g.x, g.y, g.z, 0.0, 1.0, sight.acceleration_mps2);
-                    let residual = observed - sight.range_rate(&Vector3::zeros(), state[DRIFT]);
-                    let sigma =
-                        sigma.hypot(sight.rate_sigma_mps).hypot(self.options.user_speed_mps);
-                    push(row, residual, sigma);
-                }
-                let Some(integers) = integers else { continue };
-                let g = -sight.direction;
-                let range_m = sighting.range_m
-                    + f64::from(integers[k]) * sighting.observation.code_period_m();
-                let residual = range_m - sight.range_m - state[BIAS];
-                let sigma = sighting.observation.range_sigma_m.hypot(sight.range_sigma_m);
-                push(State::new(g.x, g.y, g.z, 1.0, 0.0, rate), residual, sigma);
-                code_residuals_m.push(residual);
-            }
-            let place = Geodetic::from_ecef(&position_m);
-            let up = place.ecef_to_enu().row(2).transpose();
-            push(State::new(up.x, up.y, up.z, 0.0, 0.0, 0.0), HEIGHT - place.height, HEIGHT_SIGMA);
-            push(unit(TIME), -state[TIME], self.options.time_uncertainty_s);
-            if integers.is_none() {
-                // Dopplers say nothing of the code bias: it stays.
-                push(unit(BIAS), 0.0, 1.0);
-            }
-            let solution = system.solve()?;
-            // Two steps bring a start 300 km off to a metre: a cost this large is that of wrong integers.
-            if integers.is_some() && iterations > 2 && cost > HOPELESS * set.len() as f64 {
-                return None;
-            }
-            state += solution.x;
-            let moved = solution.x.fixed_rows::<3>(0).norm();
-            if !(5e6..8e6).contains(&state.fixed_rows::<3>(0).norm()) {
-                return None;
-            }
-            let covariance = solution.cofactor();
-            // Codes settle to 1 cm; a region of Dopplers need not be better than 10 m, nor than a
-            // hundredth of what the Dopplers leave open.
-            let open_m = || covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
-            let near_m = if integers.is_some() { 0.01 } else { (0.01 * open_m()).max(10.0) };
-            if moved < near_m {
-                return Some(CoarseFix {
-                    state,
-                    sights,
-                    code_residuals_m,
-                    cost,
-                    covariance,
-                    iterations,
-                });
-            }
-        }
-        None
+        let integers = codes.map(|(integers, _)| integers);
+        let clocks = Terms::from([codes.map_or(0.0, |(_, bias_m)| bias_m), drift_mps]);
+        let attempt = Attempt { problem: self, set, integers };
+        let damping = Damping::plain(MOST_ITERATIONS);
+        let found = gauss_newton(&attempt, Point { x: start, clocks }, &damping, |_| ()).ok()?;
+        Some(CoarseFix {
+            place_time: found.point.x,
+            bias_m: found.point.clocks[BIAS],
+            drift_mps: found.point.clocks[DRIFT],
+            predictions: found.view.predictions,
+            code_residuals_m: found.view.code_residuals_m,
+            cost: found.cost,
+            covariance: found.system.covariance(),
+            iterations: found.iterations,
+        })
     }
 }
 
-fn unit(index: usize) -> State {
-    State::from_fn(|k, _| f64::from(u8::from(k == index)))
+/// One set of satellites and whole periods.
+struct Attempt<'a, 's> {
+    problem: &'a CoarseTime<'a>,
+    set: &'a [Sighting<'s>],
+    integers: Option<&'a [i32]>,
+}
+
+#[derive(Default)]
+struct View {
+    predictions: Vec<Predicted>,
+    code_residuals_m: Vec<f64>,
+}
+
+impl Model<4, 5> for Attempt<'_, '_> {
+    type View = View;
+
+    fn look(&self, at: &Point<4>, view: &mut View, system: &mut LeastSquares<4, 5>) {
+        let CoarseTime { time, nav, options } = self.problem;
+        let (position_m, late_s) = (at.x.xyz(), at.x[TIME]);
+        let predict =
+            |s: &Sighting| Predicted::new(s.orbit, &position_m, *time + late_s, nav, options);
+        view.predictions = self.set.iter().map(predict).collect();
+        let mut rows = Vec::with_capacity(2 * self.set.len() + 2);
+        view.code_residuals_m.clear();
+        let at_rest = Vector3::zeros();
+        for (k, (sighting, predicted)) in self.set.iter().zip(&view.predictions).enumerate() {
+            if let Some((observed, sigma)) = sighting.range_rate() {
+                let g = predicted.rate_gradient;
+                let residual = observed - predicted.range_rate(&at_rest, at.clocks[DRIFT]);
+                let row = [g.x, g.y, g.z, predicted.acceleration_mps2, residual];
+                let sigma = sigma.hypot(predicted.rate_sigma_mps).hypot(options.user_speed_mps);
+                rows.push(LinearRow::new(row, sigma, Some(DRIFT)));
+            }
+            let Some((integers, code_m)) = self.integers.zip(sighting.range_m) else { continue };
+            let g = -predicted.direction;
+            let range_m = code_m + f64::from(integers[k]) * sighting.observation.code_period_m();
+            let residual = range_m - predicted.range_m - at.clocks[BIAS];
+            let row = [g.x, g.y, g.z, predicted.range_rate(&at_rest, 0.0), residual];
+            let sigma = sighting.observation.range_sigma_m.hypot(predicted.range_sigma_m);
+            rows.push(LinearRow::new(row, sigma, Some(BIAS)));
+            view.code_residuals_m.push(residual);
+        }
+        let place = Geodetic::from_ecef(&position_m);
+        let up = place.ecef_to_enu().row(2).transpose();
+        let height = [up.x, up.y, up.z, 0.0, HEIGHT - place.height];
+        rows.push(LinearRow::new(height, HEIGHT_SIGMA, None));
+        let known_time = [0.0, 0.0, 0.0, 1.0, -late_s];
+        rows.push(LinearRow::new(known_time, options.time_uncertainty_s, None));
+        system.set(rows.into_iter());
+    }
+
+    fn verdict(&self, step: &Step<4>, system: &LeastSquares<4, 5>) -> Verdict {
+        // Two steps bring a start 300 km off to a metre: a cost this large is that of wrong integers.
+        let hopeless = self.integers.is_some()
+            && step.iterations > 2
+            && step.cost_before > HOPELESS * self.set.len() as f64;
+        if hopeless || !ITERATES_M.contains(&step.to.x.xyz().norm()) {
+            return Verdict::Abandon;
+        }
+        // Codes settle to 1 cm; a region of Dopplers need not be better than 10 m, nor than a hundredth of
+        // what the Dopplers leave open.
+        let open_m = || system.covariance().fixed_view::<3, 3>(0, 0).trace().sqrt();
+        let near_m = if self.integers.is_some() { 0.01 } else { (0.01 * open_m()).max(10.0) };
+        let moved_m = (step.to.x - step.from.x).xyz().norm();
+        if moved_m < near_m { Verdict::Converged } else { Verdict::Continue }
+    }
 }

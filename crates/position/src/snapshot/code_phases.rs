@@ -30,8 +30,8 @@
 //! P(alias passes) <= V_n R^n sqrt(det M) / sqrt((2 pi)^n det(M + s^2 (I + 1 1')))
 //! ```
 
-use super::coarse_time::{CODE_PERIOD_M, CoarseFix, TIME};
-use crate::sight::Sighting;
+use super::coarse_time::{CODE_PERIOD_M, CoarseFix};
+use crate::epoch::sighting::Sighting;
 use nalgebra::{DMatrix, Vector3};
 
 /// Nodes of the tree that are looked at, and integers that are given, at most.
@@ -57,24 +57,24 @@ pub(super) struct Prediction {
 impl Prediction {
     /// From the region that the Dopplers of `set` leave.
     pub fn new(set: &[Sighting], region: &CoarseFix) -> Self {
-        let elevation = |k: &usize| region.sights[*k].elevation;
+        let elevation = |k: &usize| region.predictions[*k].elevation;
         let reference =
             (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
         let others: Vec<usize> = (0..set.len()).filter(|&k| k != reference).collect();
-        let offset = |k: usize| set[k].range_m - region.sights[k].range_m;
+        let observed = super::code_phases(set);
+        let offset = |k: usize| observed[k] - region.predictions[k].range_m;
         let variance = |k: usize| {
-            set[k].observation.range_sigma_m.powi(2) + region.sights[k].range_sigma_m.powi(2)
+            set[k].observation.range_sigma_m.powi(2) + region.predictions[k].range_sigma_m.powi(2)
         };
         let gradient = |k: usize| {
-            let sight = &region.sights[k];
-            let g = -sight.direction;
-            [g.x, g.y, g.z, sight.range_rate(&Vector3::zeros(), 0.0)]
+            let predicted = &region.predictions[k];
+            let g = -predicted.direction;
+            [g.x, g.y, g.z, predicted.range_rate(&Vector3::zeros(), 0.0)]
         };
-        let at = |axis: usize| if axis < 3 { axis } else { TIME };
-        let p = DMatrix::from_fn(4, 4, |i, j| region.covariance[(at(i), at(j))]);
+        let p = region.covariance;
         let base = gradient(reference);
         let g = DMatrix::from_fn(others.len(), 4, |i, j| gradient(others[i])[j] - base[j]);
-        let mut covariance = &g * &p * g.transpose();
+        let mut covariance = &g * p * g.transpose();
         covariance.add_scalar_mut(variance(reference));
         for (i, &k) in others.iter().enumerate() {
             covariance[(i, i)] += variance(k);

@@ -1,7 +1,7 @@
 //! Dopplers alone with time as the fifth unknown: every place that explains them within a cell of time.
 //!
-//! Unknowns `x = (r, d, tau)`: position (ECEF, m), c times the drift of the receiver's clock (m/s) and
-//! GPS time minus that of the cell's centre (s). Rows: `-lambda D = rate(r, t) + d` per satellite and a
+//! Unknowns: position `r` (ECEF, m), GPS time minus that of the cell's centre `tau` (s), c times the drift of
+//! the receiver's clock `d` (m/s). Rows: `-lambda D = rate(r, t) + d` per satellite and a
 //! soft height on a sphere. Damped Gauss-Newton from many starts, with `tau` bounded to the cell, on
 //! geometry without light time and atmosphere: right to 0.1 Hz, good enough to say where the full model
 //! ([`super::coarse_time`]) is to start.
@@ -13,12 +13,13 @@
 //!   within [`SHELL_M`] of the sphere.
 //! - A minimum at the edge of the cell is none: the neighbouring cell has it, or the window ends there.
 
-use crate::least_squares::LeastSquares;
-use crate::sight::Sighting;
+use crate::epoch::sighting::Sighting;
+use crate::gauss_newton::{Damping, Model, Point, Step, Stopped, Test, Verdict, Why, gauss_newton};
+use crate::least_squares::{LeastSquares, LinearRow, Terms};
+use crate::problem::{Place, Row, RowKind, Satellite};
 use crate::solver::aw_dgn_bt::aw_dgn_bt;
-use crate::solver::model::{Doppler, Satellite};
-use crate::solver::outcome::{Failure, State};
-use nalgebra::{SVector, Vector3, Vector4};
+use crate::solver::failure::Failure;
+use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::GpsTime;
 use sdr_rx_gnss::constants::{EARTH_RADIUS, MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::signal::L1_WAVELENGTH;
@@ -33,7 +34,8 @@ const RADIUS_SIGMA_M: f64 = 15e3;
 const LONGEST_M: f64 = 3e6;
 const SHELL_M: f64 = 50e3;
 const MOST_ITERATIONS: usize = 30;
-const MOST_HALVINGS: usize = 8;
+/// Smallest part of a step that is tried: eight halvings.
+const LEAST: f64 = 1.0 / 256.0;
 /// Converged when a step is shorter than this, m, or gains less than this part of a squared deviation.
 const SHORT_M: f64 = 20.0;
 const LITTLE: f64 = 1e-4;
@@ -41,56 +43,54 @@ const LITTLE: f64 = 1e-4;
 const SAME_M: f64 = 5e3;
 const SAME_S: f64 = 10.0;
 
-/// Position (ECEF, m), c x drift (m/s), time against the cell's centre (s).
-pub(super) type DopplerState = SVector<f64, 5>;
-
 /// A place and time that explain the Dopplers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Minimum {
-    pub state: DopplerState,
+    /// Position (ECEF, m), time against the cell's centre (s).
+    pub place_time: Vector4<f64>,
+    /// c x drift, m/s.
+    pub drift_mps: f64,
     /// Linearisations from the start of the search.
     pub iterations: usize,
 }
 
 /// All minima with a cost of at most `limit` within `half_s` of `time`, by the Dopplers of `set`.
 pub(super) fn minima(set: &[Sighting], time: GpsTime, half_s: f64, limit: f64) -> Vec<Minimum> {
-    let (satellites, rates) = satellites(set, time);
+    let cell = Cell { set, time, half_s };
     let mut found: Vec<Minimum> = Vec::new();
-    let (starts, spent) = starts(&satellites, &rates);
-    for start in starts {
-        let Some((state, cost, iterations)) = descend(set, time, half_s, start) else { continue };
+    let rows = rows(set, time);
+    let cold = from_the_centre(&rows).ok();
+    let spent = cold.map_or(0, |c| c.1);
+    for start in cold.map(|c| c.0).into_iter().chain(seeds(&rows)) {
+        let Some((minimum, cost)) = cell.descend(start) else { continue };
         let known = found.iter().any(|f| {
-            let apart = f.state - state;
-            apart.fixed_rows::<3>(0).norm() < SAME_M && apart[4].abs() < SAME_S
+            let apart = f.place_time - minimum.place_time;
+            apart.xyz().norm() < SAME_M && apart.w.abs() < SAME_S
         });
         if cost <= limit && !known {
-            found.push(Minimum { state, iterations: spent + iterations });
+            found.push(Minimum { iterations: spent + minimum.iterations, ..minimum });
         }
     }
     found
 }
 
-/// The satellites that were seen with a Doppler, as they are at `time`, and the range rates but for their
-/// clocks, m/s.
-pub(super) fn satellites(set: &[Sighting], time: GpsTime) -> (Vec<Satellite>, Vec<f64>) {
-    set.iter()
-        .filter_map(|s| {
-            let state = s.orbit.state(time - FLIGHT_S);
-            let satellite =
-                Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
-            Some((satellite, s.range_rate()?.0 + SPEED_OF_LIGHT * state.clock_drift_sps))
-        })
-        .unzip()
+/// The Dopplers as range rates of the satellites as they are at `time`, but for their clocks.
+pub(super) fn rows(set: &[Sighting], time: GpsTime) -> Vec<Row> {
+    let row = |s: &Sighting| {
+        let state = s.orbit.state(time - FLIGHT_S);
+        let satellite =
+            Satellite { position_m: state.position_m, velocity_mps: state.velocity_mps };
+        let rate = s.range_rate()?.0 + SPEED_OF_LIGHT * state.clock_drift_sps;
+        Some(Row::range_rate(satellite, rate))
+    };
+    set.iter().filter_map(row).collect()
 }
 
 /// Where AW-DGN-BT comes from the Earth's centre, and its iterations. Noise can put the optimum outside
 /// the wall: the place at the wall is a good start.
-pub(super) fn from_the_centre(
-    satellites: &[Satellite],
-    rates: &[f64],
-) -> Result<(Vector4<f64>, usize), Failure> {
-    let start = |state: State| state.position_m.push(state.clock());
-    match aw_dgn_bt::<Doppler>(satellites, rates) {
+pub(super) fn from_the_centre(rows: &[Row]) -> Result<(Vector4<f64>, usize), Failure> {
+    let start = |state: Place| state.position_m.push(state.clock());
+    match aw_dgn_bt(rows) {
         Ok(c) => Ok((start(c.state), c.iterations)),
         Err(Failure::Jammed { state, iterations, .. } | Failure::TooSlow { state, iterations }) => {
             Ok((start(state), iterations))
@@ -99,17 +99,10 @@ pub(super) fn from_the_centre(
     }
 }
 
-/// Starts at a fixed time: where the Earth's centre leads, then [`seeds`]; and the iterations spent.
-fn starts(satellites: &[Satellite], rates: &[f64]) -> (Vec<Vector4<f64>>, usize) {
-    let cold = from_the_centre(satellites, rates).ok();
-    let spent = cold.map_or(0, |c| c.1);
-    (cold.map(|c| c.0).into_iter().chain(seeds(satellites)).collect(), spent)
-}
-
 /// Starts for the Dopplers when the Earth's centre leads nowhere: below the satellites' centroid, and
 /// around it at 0.2 and 0.6 rad.
-pub(super) fn seeds(satellites: &[Satellite]) -> impl Iterator<Item = Vector4<f64>> + use<> {
-    let centre: Vector3<f64> = satellites.iter().map(|s| s.position_m.normalize()).sum();
+pub(super) fn seeds(rows: &[Row]) -> impl Iterator<Item = Vector4<f64>> + use<> {
+    let centre: Vector3<f64> = rows.iter().map(|row| row.satellite.position_m.normalize()).sum();
     let centre = centre.try_normalize(1e-9).unwrap_or(Vector3::x());
     let side = centre.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(Vector3::x());
     let other = centre.cross(&side);
@@ -122,90 +115,82 @@ pub(super) fn seeds(satellites: &[Satellite]) -> impl Iterator<Item = Vector4<f6
     std::iter::once(centre).chain(around).map(|direction| direction.push(0.0))
 }
 
-/// From a start (any point in the direction of the place, and drift) to a minimum inside the cell: state,
-/// cost, linearisations.
-fn descend(
-    set: &[Sighting],
+/// A cell of time and what was seen in it.
+struct Cell<'a, 's> {
+    set: &'a [Sighting<'s>],
     time: GpsTime,
     half_s: f64,
-    start: Vector4<f64>,
-) -> Option<(DopplerState, f64, usize)> {
-    let place = start.xyz().try_normalize(1e-9)? * EARTH_RADIUS;
-    let mut state = DopplerState::zeros();
-    state.fixed_rows_mut::<3>(0).copy_from(&place);
-    state[3] = start.w;
-    let mut system = LeastSquares::<5>::default();
-    let mut cost = linearise(set, time, &state, &mut system);
-    for iterations in 1..=MOST_ITERATIONS {
-        let mut step = system.solve()?.x;
-        step *= (LONGEST_M / step.fixed_rows::<3>(0).norm()).min(1.0);
-        let before = cost;
-        let mut halvings = 0;
-        let next = loop {
-            let next = bounded(state + step, half_s);
-            system.clear();
-            cost = linearise(set, time, &next, &mut system);
-            if cost <= before {
-                break next;
-            }
-            halvings += 1;
-            if halvings > MOST_HALVINGS {
-                cost = before;
-                break state;
-            }
-            step /= 2.0;
+}
+
+impl Cell<'_, '_> {
+    /// From a start (any point in the direction of the place, and drift) to a minimum inside the cell, and its
+    /// cost.
+    fn descend(&self, start: Vector4<f64>) -> Option<(Minimum, f64)> {
+        let place = start.xyz().try_normalize(1e-9)? * EARTH_RADIUS;
+        let start = Point { x: place.push(0.0), clocks: Terms::from_elem(start.w, 1) };
+        let damping = Damping {
+            test: Test::Descent { tau: 0.0, floor: 0.0 },
+            least: LEAST,
+            ..Damping::plain(MOST_ITERATIONS)
         };
-        let moved = (next - state).fixed_rows::<3>(0).norm();
-        state = next;
-        if moved < SHORT_M || before - cost < LITTLE {
-            return (state[4].abs() < half_s).then_some((state, cost, iterations));
-        }
+        let (point, cost, iterations) = match gauss_newton(self, start, &damping, |_| ()) {
+            Ok(found) => (found.point, found.cost, found.iterations),
+            // Nothing more is to be gained.
+            Err(Stopped { point, cost, iterations, why: Why::Jammed { .. } }) => {
+                (point, cost, iterations)
+            }
+            Err(_) => return None,
+        };
+        let minimum = Minimum { place_time: point.x, drift_mps: point.clocks[0], iterations };
+        (point.x.w.abs() < self.half_s).then_some((minimum, cost))
     }
-    None
 }
 
-/// The state within the cell, and near the sphere.
-fn bounded(mut state: DopplerState, half_s: f64) -> DopplerState {
-    state[4] = state[4].clamp(-half_s, half_s);
-    let radius = state.fixed_rows::<3>(0).norm();
-    let allowed = radius.clamp(EARTH_RADIUS - SHELL_M, EARTH_RADIUS + SHELL_M);
-    let scaled = state.fixed_rows::<3>(0) * (allowed / radius);
-    state.fixed_rows_mut::<3>(0).copy_from(&scaled);
-    state
-}
+impl Model<4, 5> for Cell<'_, '_> {
+    type View = ();
 
-/// Pushes the weighted rows at `state`, and gives the weighted sum of squared residuals.
-fn linearise(
-    set: &[Sighting],
-    time: GpsTime,
-    state: &DopplerState,
-    system: &mut LeastSquares<5>,
-) -> f64 {
-    let place = Vector3::new(state[0], state[1], state[2]);
-    let omega = Vector3::new(0.0, 0.0, OMEGA_EARTH);
-    let mut cost = 0.0;
-    let mut push = |row: DopplerState, residual: f64, sigma: f64| {
-        system.push(&(row / sigma), residual / sigma);
-        cost += (residual / sigma).powi(2);
-    };
-    for sighting in set {
-        let Some((observed, sigma)) = sighting.range_rate() else { continue };
-        let satellite = sighting.orbit.state(time + (state[4] - FLIGHT_S));
-        let (s, v) = (satellite.position_m, satellite.velocity_mps);
-        let los = s - place;
-        let range = los.norm();
-        let u = los / range;
-        let rate = u.dot(&v);
-        let gradient = (u * rate - v) / range;
-        // Two-body gravity with the Coriolis and centrifugal terms of the rotating frame.
-        let gravity = -MU_EARTH / s.norm().powi(3) * s;
-        let acceleration = gravity - omega.cross(&(2.0 * v + omega.cross(&s)));
-        let curvature = u.dot(&acceleration) + (v.norm_squared() - rate * rate) / range;
-        let residual = observed + SPEED_OF_LIGHT * satellite.clock_drift_sps - rate - state[3];
-        let row = DopplerState::new(gradient.x, gradient.y, gradient.z, 1.0, curvature);
-        push(row, residual, sigma.max(SOFT_HZ * L1_WAVELENGTH));
+    fn look(&self, at: &Point<4>, (): &mut (), system: &mut LeastSquares<4, 5>) {
+        let place = at.x.xyz();
+        let omega = Vector3::new(0.0, 0.0, OMEGA_EARTH);
+        let rows = self.set.iter().filter_map(|sighting| {
+            let (observed, sigma) = sighting.range_rate()?;
+            let state = sighting.orbit.state(self.time + (at.x.w - FLIGHT_S));
+            let (s, v) = (state.position_m, state.velocity_mps);
+            let satellite = Satellite { position_m: s, velocity_mps: v };
+            let seen = RowKind::RangeRate.see(&satellite, &place);
+            let gradient = RowKind::RangeRate.gradient(&satellite, &seen);
+            // Two-body gravity with the Coriolis and centrifugal terms of the rotating frame.
+            let gravity = -MU_EARTH / s.norm().powi(3) * s;
+            let acceleration = gravity - omega.cross(&(2.0 * v + omega.cross(&s)));
+            let curvature = seen.acceleration(&acceleration, &v);
+            let residual =
+                observed + SPEED_OF_LIGHT * state.clock_drift_sps - seen.value - at.clocks[0];
+            let row = [gradient.x, gradient.y, gradient.z, curvature, residual];
+            Some(LinearRow::new(row, sigma.max(SOFT_HZ * L1_WAVELENGTH), Some(0)))
+        });
+        let (radius, up) = (place.norm(), place.normalize());
+        let height = [up.x, up.y, up.z, 0.0, EARTH_RADIUS - radius];
+        system.set(rows.chain([LinearRow::new(height, RADIUS_SIGMA_M, None)]));
     }
-    let (radius, up) = (place.norm(), place.normalize());
-    push(DopplerState::new(up.x, up.y, up.z, 0.0, 0.0), EARTH_RADIUS - radius, RADIUS_SIGMA_M);
-    cost
+
+    fn shorten(&self, step: &mut Point<4>) {
+        let factor = (LONGEST_M / step.x.xyz().norm()).min(1.0);
+        step.x *= factor;
+        step.clocks.iter_mut().for_each(|c| *c *= factor);
+    }
+
+    /// Within the cell, and near the sphere.
+    fn admit(&self, next: &mut Point<4>) -> bool {
+        let place = next.x.xyz();
+        let radius = place.norm();
+        let allowed = radius.clamp(EARTH_RADIUS - SHELL_M, EARTH_RADIUS + SHELL_M);
+        next.x = (place * (allowed / radius)).push(next.x.w.clamp(-self.half_s, self.half_s));
+        true
+    }
+
+    fn verdict(&self, step: &Step<4>, _: &LeastSquares<4, 5>) -> Verdict {
+        let gain = step.cost_before - step.cost_after.unwrap_or(step.cost_before);
+        let short = (step.to.x - step.from.x).xyz().norm() < SHORT_M;
+        if short || gain < LITTLE { Verdict::Converged } else { Verdict::Continue }
+    }
 }

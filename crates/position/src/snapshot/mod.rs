@@ -15,21 +15,21 @@ mod code_phases;
 mod doppler_time;
 mod time_window;
 
-use super::error::PositioningError;
-use super::least_squares::LeastSquares;
-use super::selection::select;
-use super::sight::Sighting;
-use super::solution::{Geometry, MAX_RADIUS, MIN_RADIUS};
-use super::velocity::motion;
-use super::{Fix, FixMethod, Residual, SnapshotOptions};
+use crate::epoch::sighting::{Sighting, select};
+use crate::epoch::velocity::motion;
+use crate::error::{DropReason, PositioningError};
+use crate::fix::{Fix, FixMethod, Residual};
+use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS};
+use crate::least_squares::{LeastSquares, LinearRow};
+use crate::options::PositioningOptions;
 use blind::solve_blind;
-use coarse_time::{BIAS, CoarseFix, CoarseTime, DRIFT, State, TIME};
-use doppler_time::{from_the_centre, satellites, seeds};
-use nalgebra::{Matrix4, SVector, Vector3};
+use coarse_time::{CoarseFix, CoarseTime, TIME};
+use doppler_time::{from_the_centre, rows, seeds};
+use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::{EARTH_RADIUS, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::Geodetic;
-use sdr_rx_gnss::observation::{CodeRange, ObservationEpoch};
-use sdr_rx_gnss::{NavigationData, Sv};
+use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
+use sdr_rx_gnss::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeSet;
 
 /// Unknowns of the code phases: position, bias and time.
@@ -62,16 +62,13 @@ const SEARCHED_S: f64 = 600.0;
 pub fn solve_snapshot(
     epoch: &ObservationEpoch,
     nav: &NavigationData,
-    options: &SnapshotOptions,
+    options: &PositioningOptions,
 ) -> Result<Fix, PositioningError> {
     if options.time_uncertainty_s > SEARCHED_S {
         return solve_blind(epoch, nav, options);
     }
-    let modulo = |range| match range {
-        CodeRange::ModuloCodePeriod(range_m) => Some(range_m),
-        CodeRange::Pseudorange(_) => None,
-    };
-    let sightings = select(epoch, nav, modulo, NEEDED)?;
+    let time = epoch.receive_time;
+    let sightings = select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
     let problem = CoarseTime { time: epoch.receive_time, nav, options };
     let mut error = None;
     for count in 0..=MAX_EXCLUDED {
@@ -107,6 +104,19 @@ pub fn solve_snapshot(
     }))
 }
 
+/// An observation of a snapshot, with its orbit at about `time`.
+fn sighting<'a>(
+    observation: &'a Observation,
+    time: GpsTime,
+    nav: &'a NavigationData,
+) -> Result<Sighting<'a>, DropReason> {
+    match observation.range {
+        Some(CodeRange::ModuloCodePeriod(code_m)) => Sighting::new(observation, code_m, time, nav),
+        Some(CodeRange::Pseudorange(_)) => Err(DropReason::WrongKindOfRange),
+        None => Err(DropReason::NotANumber),
+    }
+}
+
 /// All ways to choose `count` (0 to 2) of `n`.
 fn choices(n: usize, count: usize) -> Vec<Vec<usize>> {
     match count {
@@ -135,7 +145,7 @@ impl Found {
         PositioningError::Ambiguous {
             satellites: self.integers.len(),
             distance_m: (self.fix.position_m() - best.position_m()).norm(),
-            apart_s: (self.fix.state[TIME] - best.state[TIME]).abs(),
+            apart_s: (self.fix.late_s() - best.late_s()).abs(),
         }
     }
 }
@@ -156,9 +166,8 @@ fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningEr
         if !tried.insert(integers.clone()) {
             continue;
         }
-        let mut start = region.state + offset;
-        start[BIAS] = bias_m;
-        if let Some(fix) = problem.solve(set, Some(&integers), start) {
+        let (start, drift_mps) = (region.place_time + offset, region.drift_mps);
+        if let Some(fix) = problem.solve(set, Some((&integers, bias_m)), start, drift_mps) {
             let iterations = spent + fix.iterations;
             solutions.push(Found { fix, integers, iterations });
         }
@@ -183,17 +192,15 @@ fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningEr
 
 /// Where the Dopplers put the receiver, and the iterations that took.
 fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), PositioningError> {
-    let (satellites, rates) = satellites(set, problem.time);
-    let (cold, spent) = from_the_centre(&satellites, &rates)
+    let rows = rows(set, problem.time);
+    let (cold, spent) = from_the_centre(&rows)
         .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
-    let cost_limit = limit(rates.len());
+    let cost_limit = limit(rows.len());
     std::iter::once(cold)
-        .chain(seeds(&satellites))
+        .chain(seeds(&rows))
         .filter_map(|seed| {
-            let mut start = State::zeros();
-            start.fixed_rows_mut::<3>(0).copy_from(&(seed.xyz().normalize() * EARTH_RADIUS));
-            start[DRIFT] = seed.w;
-            problem.solve(set, None, start)
+            let start = (seed.xyz().normalize() * EARTH_RADIUS).push(0.0);
+            problem.solve(set, None, start, seed.w)
         })
         .find(|fix| fix.cost <= cost_limit)
         .map(|fix| {
@@ -209,7 +216,7 @@ fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), 
 }
 
 /// Offsets of position and time from the region, most likely first within each time step.
-fn candidates(region: &CoarseFix) -> Vec<State> {
+fn candidates(region: &CoarseFix) -> Vec<Vector4<f64>> {
     let covariance = &region.covariance;
     let time_variance = covariance[(TIME, TIME)];
     let per_second = covariance.fixed_view::<3, 1>(0, TIME) / time_variance;
@@ -227,10 +234,7 @@ fn candidates(region: &CoarseFix) -> Vec<State> {
                 let angle = std::f64::consts::TAU * f64::from(k) / f64::from((6 * ring).max(1));
                 let local = Vector3::new(angle.sin(), angle.cos(), 0.0) * RING_M * f64::from(ring);
                 let shift = to_ecef * local + per_second * dt;
-                let mut offset = State::zeros();
-                offset.fixed_rows_mut::<3>(0).copy_from(&shift);
-                offset[TIME] = dt;
-                offsets.push(offset);
+                offsets.push(shift.push(dt));
             }
         }
     }
@@ -239,23 +243,29 @@ fn candidates(region: &CoarseFix) -> Vec<State> {
 
 /// Whole code periods of each satellite against the highest, and the bias, m, that fits that one,
 /// with ranges linearised around the region.
-fn integers(set: &[Sighting], region: &CoarseFix, offset: &State) -> (Vec<i32>, f64) {
-    let shift = offset.fixed_rows::<3>(0).into_owned();
+fn integers(set: &[Sighting], region: &CoarseFix, offset: &Vector4<f64>) -> (Vec<i32>, f64) {
+    let shift = offset.xyz();
     let predicted: Vec<f64> = region
-        .sights
+        .predictions
         .iter()
         .map(|s| {
             let rate = s.range_rate(&Vector3::zeros(), 0.0);
             s.range_m - s.direction.dot(&shift) + rate * offset[TIME]
         })
         .collect();
-    let elevation = |k: &usize| region.sights[*k].elevation;
+    let elevation = |k: &usize| region.predictions[*k].elevation;
     let highest = (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
-    let bias_m = set[highest].range_m - predicted[highest];
-    let whole = |(s, p): (&Sighting, &f64)| {
-        ((p + bias_m - s.range_m) / s.observation.code_period_m()).round() as i32
+    let observed = code_phases(set);
+    let bias_m = observed[highest] - predicted[highest];
+    let whole = |((s, o), p): ((&Sighting, &f64), &f64)| {
+        ((p + bias_m - o) / s.observation.code_period_m()).round() as i32
     };
-    (set.iter().zip(&predicted).map(whole).collect(), bias_m)
+    (set.iter().zip(&observed).zip(&predicted).map(whole).collect(), bias_m)
+}
+
+/// Code phases of a snapshot's satellites, m; each has one.
+fn code_phases(set: &[Sighting]) -> Vec<f64> {
+    set.iter().filter_map(|s| s.range_m).collect()
 }
 
 /// Applies the elevation mask and the last checks, and makes the fix.
@@ -266,9 +276,9 @@ fn finish(
     found: Found,
     excluded: Vec<Sv>,
 ) -> Result<Fix, PositioningError> {
-    let mask = problem.options.positioning.elevation_mask;
+    let mask = problem.options.elevation_mask;
     let above: Vec<usize> =
-        (0..set.len()).filter(|&k| found.fix.sights[k].elevation >= mask).collect();
+        (0..set.len()).filter(|&k| found.fix.predictions[k].elevation >= mask).collect();
     let used: Vec<Sighting> = above.iter().map(|&k| set[k]).collect();
     let too_few = PositioningError::TooFewSatellites {
         usable: used.len(),
@@ -282,7 +292,8 @@ fn finish(
         found.fix
     } else {
         let integers: Vec<i32> = above.iter().map(|&k| found.integers[k]).collect();
-        problem.solve(&used, Some(&integers), found.fix.state).ok_or(too_few)?
+        let CoarseFix { place_time, drift_mps, bias_m, .. } = found.fix;
+        problem.solve(&used, Some((&integers, bias_m)), place_time, drift_mps).ok_or(too_few)?
     };
     let position_m = fix.position_m();
     let radius_m = position_m.norm();
@@ -301,42 +312,38 @@ fn finish(
     if sigma_m > sigma_limit {
         return Err(weak("standard deviation of the position in metres", sigma_m, sigma_limit));
     }
-    let mut code = LeastSquares::<5>::default();
-    for sight in &fix.sights {
-        let (g, rate) = (-sight.direction, sight.range_rate(&Vector3::zeros(), 0.0));
-        code.push(&SVector::<f64, 5>::new(g.x, g.y, g.z, 1.0, rate), 0.0);
-    }
-    let cofactor =
-        code.solve().ok_or(weak("dilution of precision", f64::INFINITY, 100.0))?.cofactor();
-    let cofactor = cofactor.fixed_view::<4, 4>(0, 0).into_owned();
+    let mut code = LeastSquares::<4, 5>::default();
+    code.set(fix.predictions.iter().map(|predicted| {
+        let (g, rate) = (-predicted.direction, predicted.range_rate(&Vector3::zeros(), 0.0));
+        LinearRow::new([g.x, g.y, g.z, rate, 0.0], 1.0, Some(0))
+    }));
+    code.factor(1).ok_or(weak("dilution of precision", f64::INFINITY, 100.0))?;
+    let cofactor = code.covariance().fixed_view::<3, 3>(0, 0).into_owned();
     let geometry = Geometry::new(&position_m, &cofactor, satellites)?;
-
-    // Clock bias is minus tau, as a length.
-    let pick = |k: usize| if k < 3 { (k, 1.0) } else { (TIME, -SPEED_OF_LIGHT) };
-    let covariance = Matrix4::from_fn(|i, j| {
-        let ((row, a), (column, b)) = (pick(i), pick(j));
-        a * b * fix.covariance[(row, column)]
-    });
-    let motion = motion(&used, &fix.sights);
+    let covariance = fix.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let motion = motion(&used, &fix.predictions);
     let (velocity, drift) =
-        motion.map_or((Vector3::zeros(), fix.state[DRIFT]), |m| (m.velocity_mps, m.drift_mps));
-    let residuals = used.iter().zip(&fix.sights).zip(&fix.code_residuals_m);
-    let residuals = residuals.map(|((sighting, sight), &range_m)| Residual {
+        motion.map_or((Vector3::zeros(), fix.drift_mps), |m| (m.velocity_mps, m.drift_mps));
+    let residuals = used.iter().zip(&fix.predictions).zip(&fix.code_residuals_m);
+    let residuals = residuals.map(|((sighting, predicted), &range_m)| Residual {
         sv: sighting.observation.sv(),
-        range_m,
-        doppler_hz: sighting.observation.doppler_hz
-            + sight.range_rate(&velocity, drift) / sighting.observation.transmission.wavelength_m(),
-        azimuth: sight.azimuth,
-        elevation: sight.elevation,
+        range_m: Some(range_m),
+        doppler_hz: (sighting.observation.doppler_hz).map(|observed| {
+            let wavelength_m = sighting.observation.transmission.wavelength_m();
+            observed + predicted.range_rate(&velocity, drift) / wavelength_m
+        }),
+        azimuth: predicted.azimuth,
+        elevation: predicted.elevation,
     });
     Ok(Fix {
-        time: problem.time + fix.state[TIME],
+        time: problem.time + fix.late_s(),
         sample: epoch.sample,
         position_m,
         velocity_mps: motion.map(|m| m.velocity_mps),
-        clock_bias_s: -fix.state[TIME],
+        clock_bias_s: Some(-fix.late_s()),
         clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
         covariance: geometry.local(&covariance),
+        clock_bias_sigma_s: Some(fix.covariance[(TIME, TIME)].sqrt()),
         pdop: geometry.pdop,
         hdop: geometry.hdop,
         vdop: geometry.vdop,

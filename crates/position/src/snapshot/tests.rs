@@ -2,8 +2,7 @@
 
 use super::coarse_time::CODE_PERIOD_M;
 use super::*;
-use crate::PositioningOptions;
-use crate::synthetic::{Truth, navigation_data};
+use crate::simulated::{Truth, navigation_data};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -51,17 +50,18 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
     for Observation { range, range_sigma_m, doppler_hz, doppler_sigma_hz, .. } in
         &mut epoch.observations
     {
-        if let CodeRange::Pseudorange(range_m) = *range {
+        if let Some(CodeRange::Pseudorange(range_m)) = *range {
             let phase_m = (range_m + noise(class.code_sigma_m)).rem_euclid(CODE_PERIOD_M);
-            *range = CodeRange::ModuloCodePeriod(phase_m);
+            *range = Some(CodeRange::ModuloCodePeriod(phase_m));
         }
-        *doppler_hz += noise(class.doppler_sigma_hz);
+        *doppler_hz.as_mut().unwrap() += noise(class.doppler_sigma_hz);
         *range_sigma_m = class.code_sigma_m;
         *doppler_sigma_hz = class.doppler_sigma_hz;
     }
     for observation in epoch.observations.iter_mut().take(class.false_ones) {
-        observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
-        observation.doppler_hz = rng.random_range(-5e3..5e3);
+        let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
+        observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
+        observation.doppler_hz = Some(rng.random_range(-5e3..5e3));
     }
     epoch.observations.sort_by_key(|o| o.sv());
     epoch.receive_time = epoch.receive_time + rng.random_range(-1.0..1.0) * class.time_error_s;
@@ -88,8 +88,10 @@ struct Outcome {
 
 fn outcome(class: Class, runs: u64) -> Outcome {
     let nav = navigation_data();
-    let options =
-        SnapshotOptions { time_uncertainty_s: class.time_error_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions {
+        time_uncertainty_s: class.time_error_s,
+        ..PositioningOptions::default()
+    };
     let results: Vec<Result<(f64, f64), PositioningError>> = (0..runs)
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed))
@@ -165,8 +167,8 @@ fn an_oscillator_error_of_ten_kilohertz_does_not_matter() {
     let nav = navigation_data();
     let class = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
     let (truth, mut epoch) = (0..).find_map(|seed| draw(&class, &nav, seed)).unwrap();
-    epoch.observations.iter_mut().for_each(|o| o.doppler_hz += 1e4);
-    let fix = solve_snapshot(&epoch, &nav, &SnapshotOptions::default()).unwrap();
+    epoch.observations.iter_mut().for_each(|o| *o.doppler_hz.as_mut().unwrap() += 1e4);
+    let fix = solve_snapshot(&epoch, &nav, &PositioningOptions::default()).unwrap();
     assert!((fix.position_m - truth.position_m).norm() < 100.0);
     // 10 kHz of 1575.42 MHz, to five deviations of 1 Hz times a time dilution of at most 3.
     let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
@@ -180,7 +182,7 @@ fn what_cannot_be_solved_is_refused_with_its_cause() {
     let exact = Class { code_sigma_m: 3.0, doppler_sigma_hz: 1.0, ..CLASS };
     let (_, epoch) = (0..).find_map(|seed| draw(&exact, &nav, seed)).unwrap();
     let refusal = |epoch: &ObservationEpoch| {
-        solve_snapshot(epoch, &nav, &SnapshotOptions::default()).unwrap_err().to_string()
+        solve_snapshot(epoch, &nav, &PositioningOptions::default()).unwrap_err().to_string()
     };
     let mut few = epoch.clone();
     few.observations.truncate(4);
@@ -197,7 +199,7 @@ fn what_cannot_be_solved_is_refused_with_its_cause() {
     let mut random = epoch.clone();
     for (k, observation) in random.observations.iter_mut().enumerate() {
         let share = (k as f64 * 0.618).fract();
-        observation.range = CodeRange::ModuloCodePeriod(share * CODE_PERIOD_M);
+        observation.range = Some(CodeRange::ModuloCodePeriod(share * CODE_PERIOD_M));
     }
     assert!(refusal(&random).contains("no place on Earth explains the code phases"));
 }

@@ -1,9 +1,9 @@
 //! The times at which a snapshot may have been taken, as far as ephemerides cover them.
 
-use super::NEEDED;
+use super::{NEEDED, sighting};
+use crate::epoch::sighting::Sighting;
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::sight::Sighting;
-use sdr_rx_gnss::observation::{CodeRange, ObservationEpoch};
+use sdr_rx_gnss::observation::ObservationEpoch;
 use sdr_rx_gnss::{Ephemeris, GpsTime, NavigationData, Sv};
 
 /// Half a cell of time, s, at most: from there Dopplers lead to the right time (99 % with one start).
@@ -135,10 +135,9 @@ impl<'a> TimeWindow<'a> {
         let mut dropped = Vec::new();
         for observation in self.epoch.observations.iter().filter(|o| Some(o.sv()) != excluded) {
             let sv = observation.sv();
-            let sighting = match observation.range {
-                _ if usable.iter().any(|s| s.observation.sv() == sv) => Err(DropReason::Duplicate),
-                CodeRange::Pseudorange(_) => Err(DropReason::WrongKindOfRange),
-                CodeRange::ModuloCodePeriod(m) => Sighting::new(observation, m, time, self.nav),
+            let sighting = match usable.iter().any(|s| s.observation.sv() == sv) {
+                true => Err(DropReason::Duplicate),
+                false => sighting(observation, time, self.nav),
             };
             match sighting {
                 Ok(sighting) => usable.push(sighting),

@@ -18,6 +18,7 @@
 //! 13  until |mu dx| < eps
 //! ```
 //!
+//! The loop is [`crate::gauss_newton`]'s, of which this file holds the paper's tests and numbers.
 //! GN has `mu = 1` and no line 9; ADGN lacks the wall (`|r|` in line 9), AW-DGN has it.
 //!
 //! Decisions where the paper is silent or misprinted:
@@ -35,12 +36,12 @@
 //!   `kmax` = 100. A count of iterations is one of linearisations, the last included.
 //! - Linear systems are solved by orthogonalisation, unweighted.
 
-use super::belief::WALL_M;
-pub use super::model::{Doppler, ObservationModel, Pseudorange, Satellite};
-use super::observations::{Observations, Observed};
-use super::outcome::{Damped, Failure, Solution, State, Step};
-use super::system::{Clocks, MAX_ROWS, System, unseen};
-use nalgebra::Vector3;
+use super::failure::Failure;
+use super::plausibility::WALL_M;
+use super::point_solution::{Iteration, PointSolution};
+use crate::gauss_newton::{self, Model, Point, Stopped, Test, Verdict, Why, gauss_newton};
+use crate::least_squares::LeastSquares;
+use crate::problem::{Place, Problem, Row};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 
 /// How steps are damped: which algorithm of the paper this is.
@@ -84,99 +85,104 @@ const K_MAX: usize = 100;
 /// Farther from the Earth's centre, m, nothing that is solved here can be.
 const FAR: f64 = 1e9;
 
-/// AW-DGN-BT from the Earth's centre: observation `i` of `observed` (m or m/s) is of `satellites[i]`.
-/// Allocates nothing.
-pub fn aw_dgn_bt<M: ObservationModel>(
-    satellites: &[Satellite],
-    observed: &[f64],
-) -> Result<Solution, Failure> {
-    iterate(&Observed::<M>::new(satellites, observed), &Damping::AW_DGN_BT, &State::CENTRE, |_| ())
+/// AW-DGN-BT from the Earth's centre.
+///
+/// # Errors
+/// As [`iterate`].
+pub fn aw_dgn_bt(rows: &[Row]) -> Result<PointSolution, Failure> {
+    iterate(rows, &Damping::AW_DGN_BT, &Place::centre(), |_| ())
 }
 
 /// The iteration of the module's head from the place `start`, under any of the paper's dampings; clock
-/// terms that `start` does not give are 0. `trace` sees each accepted step. Allocates nothing.
-pub fn iterate<O: Observations>(
-    observations: &O,
+/// terms that `start` does not give are 0. `trace` sees each accepted step. Up to 16 rows of one clock
+/// nothing is allocated.
+///
+/// # Errors
+/// [`Failure`] names what is wrong with the observations, or how the iteration ended.
+pub fn iterate(
+    rows: &[Row],
     damping: &Damping,
-    start: &State,
-    trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
-    match observations.rows().iter().sum() {
-        0..=16 => run::<O, 16>(observations, damping, start, trace),
-        17..=64 => run::<O, 64>(observations, damping, start, trace),
-        _ => run::<O, MAX_ROWS>(observations, damping, start, trace),
+    start: &Place,
+    trace: impl FnMut(&Iteration),
+) -> Result<PointSolution, Failure> {
+    from(&Problem::new(rows)?, damping, start, trace)
+}
+
+/// The same for a problem that was checked.
+pub(super) fn from(
+    problem: &Problem,
+    damping: &Damping,
+    start: &Place,
+    mut trace: impl FnMut(&Iteration),
+) -> Result<PointSolution, Failure> {
+    let floor = problem.floor;
+    let settings = gauss_newton::Damping {
+        initial: damping.initial,
+        restart: damping.restart,
+        test: if damping.descent { Test::Descent { tau: TAU, floor } } else { Test::None },
+        least: ETA,
+        most: K_MAX,
+    };
+    let walled = Walled { problem, wall_m: damping.wall_m };
+    let found = gauss_newton(&walled, problem.point(start), &settings, |step| {
+        trace(&Iteration::of(problem, step));
+    });
+    match found {
+        Ok(found) if found.point.x.norm() > FAR => {
+            let (state, iterations) = (problem.state(&found.point), found.iterations);
+            Err(Failure::Diverged { state, iterations })
+        }
+        Ok(found) => match problem.coincident(&found.point.x) {
+            Some(row) => Err(Failure::Coincident { row }),
+            None => {
+                let (state, covariance) = (problem.state(&found.point), found.system.covariance());
+                Ok(PointSolution::untested(state, found.cost, covariance, found.iterations))
+            }
+        },
+        Err(Stopped { point, iterations, why, .. }) => Err(match why {
+            Why::Singular => problem.diagnose(&point, iterations),
+            Why::Jammed { refused: wall } => {
+                Failure::Jammed { state: problem.state(&point), iterations, wall }
+            }
+            Why::TooSlow | Why::Abandoned => {
+                Failure::TooSlow { state: problem.state(&point), iterations }
+            }
+        }),
     }
 }
 
-fn run<O: Observations, const N: usize>(
-    observations: &O,
-    damping: &Damping,
-    start: &State,
-    mut trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
-    let mut system = System::<O, N>::new(observations)?;
-    let (mut seen, mut seen_next) = (unseen::<N>(), unseen::<N>());
-    let (mut here, mut there) = (&mut seen, &mut seen_next);
-    let (mut right, mut right_next) = ([0.0; N], [0.0; N]);
-    let mut position: Vector3<f64> = start.position_m;
-    let mut clocks: Clocks = system.clocks(start);
-    let mut mu = damping.initial;
-    system.see(&position, here);
-    let mut phi = system.residuals(here, &clocks, &mut right);
-    for iterations in 1..=K_MAX {
-        let state = system.state(position, clocks);
-        let Some((dx, dc)) = system.step(here, &right) else {
-            return Err(system.diagnose(state, iterations));
-        };
-        if iterations > 1 {
-            mu = if damping.restart { 1.0 } else { (2.0 * mu).min(1.0) };
-        }
-        let first = mu;
-        let (mut wall, mut cost) = (0, 0);
-        let phi_next = loop {
-            let next = position + mu * dx;
-            // A step beyond all numbers is not inside either.
-            let inside = next.norm() < damping.wall_m;
-            let blocked = damping.descent && !inside;
-            if !blocked {
-                let clocks_next = [clocks[0] + mu * dc[0], clocks[1] + mu * dc[1]];
-                system.see(&next, there);
-                let phi_next = system.residuals(there, &clocks_next, &mut right_next);
-                if !damping.descent || phi_next <= (1.0 + TAU) * phi + system.floor {
-                    (position, clocks) = (next, clocks_next);
-                    break phi_next;
-                }
-            }
-            *(if blocked { &mut wall } else { &mut cost }) += 1;
-            mu /= 2.0;
-            if mu < ETA {
-                return Err(Failure::Jammed { state, iterations, wall: blocked });
-            }
-        };
-        std::mem::swap(&mut here, &mut there);
-        std::mem::swap(&mut right, &mut right_next);
-        let length = mu * (dx.norm_squared() + dc[0] * dc[0] + dc[1] * dc[1]).sqrt();
-        let state = system.state(position, clocks);
-        let damped = Damped::by(first, wall, cost);
-        let (objective_before, objective_after) = (phi, phi_next);
-        trace(&Step { start: 0, mu, length, objective_before, objective_after, state, damped });
-        phi = phi_next;
-        if length < EPS {
-            if position.norm() > FAR {
-                return Err(Failure::Diverged { state, iterations });
-            }
-            if let Some(row) = system.coincident(&position) {
-                return Err(Failure::Coincident { row });
-            }
-            return Ok(Solution::untested(state, phi, system.covariance(), iterations));
-        }
+/// A problem, and how far from the Earth's centre its place may be, m.
+struct Walled<'a> {
+    problem: &'a Problem<'a>,
+    wall_m: f64,
+}
+
+impl Model<3, 4> for Walled<'_> {
+    type View = ();
+
+    #[inline]
+    fn look(&self, at: &Point<3>, (): &mut (), system: &mut LeastSquares<3, 4>) {
+        self.problem.look(at, system, |_| ());
     }
-    Err(Failure::TooSlow { state: system.state(position, clocks), iterations: K_MAX })
+
+    /// The wall (17); a step beyond all numbers is not inside either.
+    #[inline]
+    fn admit(&self, next: &mut Point<3>) -> bool {
+        next.x.norm() < self.wall_m
+    }
+
+    /// Line 13.
+    #[inline]
+    fn verdict(&self, step: &gauss_newton::Step<3>, _: &LeastSquares<3, 4>) -> Verdict {
+        if step.length < EPS { Verdict::Converged } else { Verdict::Continue }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::problem::{RowKind, Satellite};
+    use nalgebra::Vector3;
 
     fn constellation() -> Vec<Satellite> {
         [(10.0, 0.0), (60.0, 80.0), (45.0, 200.0), (25.0, 130.0), (30.0, 290.0), (80.0, 10.0)]
@@ -191,31 +197,54 @@ mod tests {
             .to_vec()
     }
 
-    fn converges_to_the_truth<M: ObservationModel>(clock: f64) {
-        let satellites = constellation();
-        let truth = Vector3::new(6.3e6, 4e5, -8e5);
-        let observed: Vec<f64> = satellites.iter().map(|s| M::predict(s, &truth) + clock).collect();
-        let fix = aw_dgn_bt::<M>(&satellites, &observed).unwrap();
-        // The last step was below 1e-5, and convergence is quadratic.
-        let state = fix.state;
-        assert!((state.position_m - truth).norm() < 1e-5 && (state.clock() - clock).abs() < 1e-5);
-        assert_eq!(
-            aw_dgn_bt::<M>(&satellites[..3], &observed[..3]),
-            Err(Failure::Observations { rows: 3, needed: 4 })
-        );
-        let same = [satellites[0]; 5];
-        assert!(matches!(aw_dgn_bt::<M>(&same, &observed[..5]), Err(Failure::Coplanar)));
-        let mut broken = observed.clone();
-        broken[1] = f64::NAN;
-        assert_eq!(
-            aw_dgn_bt::<M>(&satellites, &broken),
-            Err(Failure::NotFinite { row: 1, what: "value" })
-        );
+    const TRUTH: Vector3<f64> = Vector3::new(6.3e6, 4e5, -8e5);
+
+    fn row(kind: RowKind, satellite: Satellite, clock: f64) -> Row {
+        Row::new(kind, satellite, kind.see(&satellite, &TRUTH).value + clock)
     }
 
     #[test]
     fn exact_observations_lead_from_the_centre_to_the_truth() {
-        converges_to_the_truth::<Pseudorange>(-2e5);
-        converges_to_the_truth::<Doppler>(1.5e3);
+        for (kind, clock) in [(RowKind::Range, -2e5), (RowKind::RangeRate, 1.5e3)] {
+            let rows: Vec<Row> = constellation().into_iter().map(|s| row(kind, s, clock)).collect();
+            let state = aw_dgn_bt(&rows).unwrap().state;
+            // The last step was below 1e-5, and convergence is quadratic.
+            assert!((state.position_m - TRUTH).norm() < 1e-5);
+            assert!((state.clock() - clock).abs() < 1e-5);
+            assert_eq!(aw_dgn_bt(&rows[..3]), Err(Failure::Observations { rows: 3, needed: 4 }));
+            let same: Vec<Row> =
+                rows[..5].iter().map(|r| Row { satellite: rows[0].satellite, ..*r }).collect();
+            assert!(matches!(aw_dgn_bt(&same), Err(Failure::Coplanar)));
+            let mut broken = rows.clone();
+            broken[1].value = f64::NAN;
+            assert_eq!(aw_dgn_bt(&broken), Err(Failure::NotFinite { row: 1, what: "value" }));
+            broken[1] = Row { clock: 7, ..rows[1] };
+            assert_eq!(aw_dgn_bt(&broken), Err(Failure::Clock { row: 1 }));
+        }
+    }
+
+    /// Ranges and range rates by five clocks, 300 rows of each satellite fifty times.
+    #[test]
+    fn three_hundred_rows_by_five_clocks_give_the_place_and_every_clock() {
+        let bias = |clock: usize| 1e4 * clock as f64 - 3e3;
+        let all = constellation();
+        let rows: Vec<Row> = (0..300)
+            .map(|k| {
+                let (clock, satellite) = (k % 5, all[(k / 5) % 6]);
+                match k % 7 {
+                    6 => row(RowKind::RangeRate, satellite, 20.0).with_sigma(0.1),
+                    _ => row(RowKind::Range, satellite, bias(clock)).with_sigma(1.0),
+                }
+            })
+            .zip((0..5).cycle())
+            .map(|(row, clock)| Row { clock, ..row })
+            .collect();
+        let solution = aw_dgn_bt(&rows).unwrap();
+        // Rounding of ranges of 2e7 m, as above.
+        assert!((solution.state.position_m - TRUTH).norm() < 1e-5);
+        for clock in 0..5 {
+            assert!((solution.state.bias_m(clock).unwrap() - bias(clock)).abs() < 1e-5);
+            assert!((solution.state.drift_mps(clock).unwrap() - 20.0).abs() < 1e-5);
+        }
     }
 }

@@ -11,52 +11,56 @@
 //! with the smaller cost is refined by Gauss-Newton with backtracking, which takes two linearisations.
 //! With four both roots are exact; both are given where both lie near the Earth's surface.
 
-use super::aw_dgn_bt::{Damping, iterate};
-use super::belief::{SAME_M, believed_costs, near_the_surface};
-use super::gram_schmidt::orthogonalise;
-use super::observations::Observations;
-use super::outcome::{Ambiguity, Failure, Solution, State, Step};
-use super::system::{MAX_ROWS, System, unseen};
+use super::aw_dgn_bt::{Damping, from};
+use super::failure::Failure;
+use super::plausibility::{SAME_M, believed_costs, near_the_surface};
+use super::point_solution::{Ambiguity, Iteration, PointSolution};
+use crate::least_squares::{LeastSquares, LinearRow};
+use crate::problem::{Place, Problem, Row, RowKind};
 use nalgebra::Vector4;
 
 /// Both roots, that with the smaller sum of squared residuals first; the second is absent where the
-/// quadratic is linear. Allocates nothing.
+/// quadratic is linear.
 ///
 /// # Errors
-/// [`Failure::PseudorangesOnly`], a wrong number of observations, and geometries that the algebra
-/// cannot take: satellites in one plane with the Earth's centre, or no real root.
-pub fn bancroft<O: Observations>(observations: &O) -> Result<(State, Option<State>), Failure> {
-    match observations.rows().iter().sum() {
-        0..=16 => roots::<O, 16>(observations),
-        17..=64 => roots::<O, 64>(observations),
-        _ => roots::<O, MAX_ROWS>(observations),
+/// [`Failure::PseudorangesOnly`], [`Failure::OneClockOnly`], too few observations, and geometries that the
+/// algebra cannot take: satellites in one plane with the Earth's centre, or no real root.
+pub fn bancroft(rows: &[Row]) -> Result<(Place, Option<Place>), Failure> {
+    roots(&checked(rows)?)
+}
+
+fn checked(rows: &[Row]) -> Result<Problem<'_>, Failure> {
+    if rows.iter().any(|row| row.kind == RowKind::RangeRate) {
+        return Err(Failure::PseudorangesOnly { solver: "bancroft" });
     }
+    if rows.iter().any(|row| row.clock != rows[0].clock) {
+        return Err(Failure::OneClockOnly { solver: "bancroft" });
+    }
+    Problem::new(rows)
 }
 
 /// Bancroft's better root refined to the least-squares solution. `trace` sees the steps of the
 /// refinement.
 ///
 /// # Errors
-/// Those of [`bancroft`]; [`Failure::Inconsistent`] if the deviations are known and the place does not
-/// explain the pseudoranges; [`Failure::Implausible`] if four of them lead away from the Earth.
-pub fn bancroft_gn<O: Observations>(
-    observations: &O,
-    trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
-    let (first, second) = bancroft(observations)?;
-    let redundancy = observations.rows()[0] - 4;
-    let surface = |state: &State| near_the_surface(&state.position_m);
+/// Those of [`bancroft`]; [`Failure::Inconsistent`] if the standard deviations are known and the place does
+/// not explain the pseudoranges; [`Failure::Implausible`] if four of them lead away from the Earth.
+pub fn bancroft_gn(rows: &[Row], trace: impl FnMut(&Iteration)) -> Result<PointSolution, Failure> {
+    let problem = checked(rows)?;
+    let (first, second) = roots(&problem)?;
+    let redundancy = problem.redundancy();
+    let surface = |state: &Place| near_the_surface(&state.position_m);
     // With four, both fit: that near the Earth is meant.
     let swapped = redundancy == 0 && !surface(&first) && second.as_ref().is_some_and(surface);
     let (start, other) = match second {
         Some(second) if swapped => (second, Some(first)),
         _ => (first, second),
     };
-    let mut solution = iterate(observations, &Damping::ADGN_BT, &start, trace)?;
-    let (state, iterations) = (solution.state, solution.iterations);
+    let mut solution = from(&problem, &Damping::ADGN_BT, &start, trace)?;
+    let iterations = solution.iterations;
     if redundancy == 0 {
-        if !surface(&state) {
-            return Err(Failure::Implausible { state, iterations });
+        if !surface(&solution.state) {
+            return Err(Failure::Implausible { state: solution.state, iterations });
         }
         if let Some(other) = other.filter(surface) {
             solution.alternatives.push(other);
@@ -64,20 +68,20 @@ pub fn bancroft_gn<O: Observations>(
         }
         return Ok(solution);
     }
-    let [_, limit] = believed_costs(observations, redundancy);
-    if solution.cost >= limit {
-        return Err(Failure::Inconsistent { state, cost: solution.cost, limit, iterations });
+    let ([_, limit], cost) = (believed_costs(&problem), solution.cost);
+    if cost >= limit {
+        return Err(Failure::Inconsistent { state: solution.state, cost, limit, iterations });
     }
-    if observations.sigma_known() {
+    if problem.sigma_known {
         solution.ambiguity = Ambiguity::None;
     }
     // Of satellites in one plane the other root is the mirror image, and explains all as well.
     if let Some(other) = other.filter(surface)
-        && let Ok(second) = iterate(observations, &Damping::ADGN_BT, &other, |_| ())
+        && let Ok(second) = from(&problem, &Damping::ADGN_BT, &other, |_| ())
     {
         solution.search_iterations = second.iterations;
-        let elsewhere = (second.state.position_m - state.position_m).norm() > SAME_M;
-        if elsewhere && second.cost < limit && surface(&second.state) {
+        let apart = (second.state.position_m - solution.state.position_m).norm();
+        if apart > SAME_M && second.cost < limit && surface(&second.state) {
             solution.alternatives.push(second.state);
             solution.ambiguity = Ambiguity::Several;
         }
@@ -85,26 +89,20 @@ pub fn bancroft_gn<O: Observations>(
     Ok(solution)
 }
 
-fn roots<O: Observations, const N: usize>(
-    observations: &O,
-) -> Result<(State, Option<State>), Failure> {
-    if observations.rows()[1] > 0 {
-        return Err(Failure::PseudorangesOnly { solver: "bancroft" });
-    }
-    let system = System::<O, N>::new(observations)?;
-    let failed = || system.diagnose(State::CENTRE, 0);
-    let (p, q) = projections::<O, N>(observations).ok_or_else(failed)?;
+fn roots(problem: &Problem) -> Result<(Place, Option<Place>), Failure> {
+    let failed = || problem.diagnose(&problem.point(&Place::centre()), 0);
+    let (p, q) = projections(problem).ok_or_else(failed)?;
     let product = |a: &Vector4<f64>, b: &Vector4<f64>| a.xyz().dot(&b.xyz()) - a.w * b.w;
     // Roots of a L^2 + 2 b L + c, in the form that loses no digits; noise can make a double root complex.
     let (a, b, c) = (product(&q, &q), product(&p, &q) - 1.0, product(&p, &p));
     let h = -(b + (b * b - a * c).max(0.0).sqrt().copysign(b));
-    let place = |l: f64| {
+    let mut system = LeastSquares::default();
+    let mut place = |l: f64| {
         let y = p + l * q;
-        let (mut seen, mut right) = (unseen::<N>(), [0.0; N]);
-        system.see(&y.xyz(), &mut seen);
-        let clocks = [y.w - system.offsets[0], 0.0];
-        let cost = system.residuals(&seen, &clocks, &mut right);
-        cost.is_finite().then(|| (cost, system.state(y.xyz(), clocks)))
+        let at = problem.point_by(y.xyz(), y.w);
+        problem.look(&at, &mut system, |_| ());
+        let cost = system.cost();
+        cost.is_finite().then(|| (cost, problem.state(&at)))
     };
     match (place(c / h), place(h / a)) {
         (Some(x), Some(y)) if y.0 < x.0 => Ok((y.1, Some(x.1))),
@@ -115,20 +113,14 @@ fn roots<O: Observations, const N: usize>(
 }
 
 /// `p` and `q` of the module's head: least squares, weighted, for `<a_i, a_i>/2` and for 1.
-fn projections<O: Observations, const N: usize>(
-    observations: &O,
-) -> Option<(Vector4<f64>, Vector4<f64>)> {
-    let n = observations.rows()[0];
-    let mut rows = [[0.0; 6]; N];
-    let mut squares = [0.0; 4];
-    for (k, row) in rows[..n].iter_mut().enumerate() {
-        let (s, range) = (observations.satellite(k).position_m, observations.observed(k));
-        let weight = 1.0 / observations.sigma(k);
+fn projections(problem: &Problem) -> Option<(Vector4<f64>, Vector4<f64>)> {
+    let mut system = LeastSquares::<4, 6>::default();
+    system.set(problem.rows.iter().zip(&problem.weights).map(|(row, weight)| {
+        let (s, range) = (row.satellite.position_m, row.value);
         let half = (s.norm_squared() - range * range) / 2.0;
-        *row = [s.x, s.y, s.z, -range, half, 1.0].map(|v| v * weight);
-        squares.iter_mut().zip(&*row).for_each(|(square, v)| *square += v * v);
-    }
-    let triangle = orthogonalise(&mut rows[..n], &squares)?;
-    let solve = |column| Vector4::from(triangle.solve(triangle.right(column)));
-    Some((solve(4), solve(5)))
+        let row = [s.x, s.y, s.z, -range, half, 1.0].map(|v| v * weight);
+        LinearRow { row, weight: *weight, term: None }
+    }));
+    system.factor(0)?;
+    Some((system.minimiser(4), system.minimiser(5)))
 }

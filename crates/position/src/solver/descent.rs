@@ -14,17 +14,20 @@
 //! - Converged means that the Gauss-Newton step, the way that is left, is shorter than the tolerance:
 //!   a small gradient says nothing in a bad geometry.
 //!
-//! The covariance of the place from `m` averaged epochs of deviation `sigma` is
-//! `sigma^2/m (H^T H)^-1`: give the [mean](mean_of_epochs) and the deviation `sigma/sqrt(m)`.
+//! The covariance of the place from `m` averaged epochs of standard deviation `sigma` is
+//! `sigma^2/m (H^T H)^-1`: give the means and the standard deviation `sigma/sqrt(m)`. (Of satellites that move
+//! meanwhile average residuals, not pseudoranges.)
 
-use super::observations::Observations;
-use super::outcome::{Damped, Failure, Solution, State, Step};
-use super::system::{MAX_ROWS, System, unseen};
-use nalgebra::{Vector3, Vector5};
+use super::failure::Failure;
+use super::point_solution::{Damped, Iteration, PointSolution};
+use crate::gauss_newton::Point;
+use crate::least_squares::{LeastSquares, LinearRow};
+use crate::problem::{Place, Problem, Row};
+use nalgebra::Vector3;
 
 /// Which way a step goes, `Q H^T e`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum DescentDirection {
     /// The negative gradient of half the cost: `Q` is the identity.
     Gradient,
     /// The gradient divided by the diagonal of `H^T H`.
@@ -61,7 +64,7 @@ pub enum StepRule {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
     /// Which way.
-    pub direction: Direction,
+    pub direction: DescentDirection,
     /// How far.
     pub rule: StepRule,
     /// Converged when the Gauss-Newton step is shorter than this, m.
@@ -77,127 +80,114 @@ const FAR: f64 = 1e10;
 
 impl Descent {
     /// To a millimetre, in at most 200 000 steps.
-    pub const fn new(direction: Direction, rule: StepRule) -> Self {
+    pub const fn new(direction: DescentDirection, rule: StepRule) -> Self {
         Self { direction, rule, tolerance_m: 1e-3, max_iterations: 200_000 }
     }
 
     /// Minimises from `start`; clock terms that it does not give are 0. The count of iterations is one
-    /// of steps. Allocates nothing.
+    /// of steps. Up to 16 rows of one clock nothing is allocated.
     ///
     /// # Errors
     /// [`Failure::Stalled`], [`Failure::NoDecrease`], [`Failure::Diverged`], [`Failure::TooSlow`], or
     /// what is wrong with the observations.
-    pub fn solve<O: Observations>(
+    pub fn solve(
         &self,
-        observations: &O,
-        start: &State,
-        trace: impl FnMut(&Step),
-    ) -> Result<Solution, Failure> {
-        match observations.rows().iter().sum() {
-            0..=16 => self.run::<O, 16>(observations, start, trace),
-            17..=64 => self.run::<O, 64>(observations, start, trace),
-            _ => self.run::<O, MAX_ROWS>(observations, start, trace),
-        }
-    }
-
-    fn run<O: Observations, const N: usize>(
-        &self,
-        observations: &O,
-        start: &State,
-        mut trace: impl FnMut(&Step),
-    ) -> Result<Solution, Failure> {
-        let mut system = System::<O, N>::new(observations)?;
-        let (mut seen, mut right) = (unseen::<N>(), [0.0; N]);
-        let mut x = join(&start.position_m, system.clocks(start));
-        let mut last: Option<(Vector5<f64>, Vector5<f64>)> = None;
+        rows: &[Row],
+        start: &Place,
+        mut trace: impl FnMut(&Iteration),
+    ) -> Result<PointSolution, Failure> {
+        let problem = Problem::new(rows)?;
+        let mut system = LeastSquares::<3, 4>::default();
+        let mut spare = LeastSquares::default();
+        let cost_at = |at: &Point<3>, system: &mut LeastSquares<3, 4>| {
+            problem.look(at, system, |_| ());
+            system.cost()
+        };
+        let mut at = problem.point(start);
+        let mut last: Option<(Point<3>, Point<3>)> = None;
         for iterations in 0..=self.max_iterations {
-            let (position, clocks) = split(&x);
-            let state = system.state(position, clocks);
-            system.see(&position, &mut seen);
-            let cost = system.residuals(&seen, &clocks, &mut right);
-            if !(x.norm() < FAR && cost.is_finite()) && iterations > 0 {
-                return Err(Failure::Diverged { state, iterations });
+            let state = || problem.state(&at);
+            let cost = cost_at(&at, &mut system);
+            if !(at.norm() < FAR && cost.is_finite()) && iterations > 0 {
+                return Err(Failure::Diverged { state: state(), iterations });
             }
-            let Some((dr, dc)) = system.step(&seen, &right) else {
-                return Err(system.diagnose(state, iterations));
+            let (gradient, diagonal) = gradient(&system, &problem.zero());
+            let Some((x, clocks)) = system.solve(at.clocks.len()) else {
+                return Err(problem.diagnose(&at, iterations));
             };
-            let gauss_newton = join(&dr, dc);
+            let gauss_newton = Point { x, clocks };
             if gauss_newton.norm() < self.tolerance_m {
-                return Ok(Solution::untested(state, cost, system.covariance(), iterations));
+                let covariance = system.covariance();
+                return Ok(PointSolution::untested(state(), cost, covariance, iterations));
             }
-            let (gradient, diagonal) = system.gradient(&seen, &right);
             let direction = match self.direction {
-                Direction::Gradient => gradient,
-                // A clock term that is not observed has no gradient either.
-                Direction::Diagonal => {
-                    gradient.zip_map(&diagonal, |g, d| g / d.max(f64::MIN_POSITIVE))
-                }
-                Direction::GaussNewton => gauss_newton,
-            };
-            let mut cost_at = |x: &Vector5<f64>| {
-                let (position, clocks) = split(x);
-                system.see(&position, &mut seen);
-                system.residuals(&seen, &clocks, &mut right)
+                DescentDirection::Gradient => gradient,
+                DescentDirection::Diagonal => divided(gradient, &diagonal),
+                DescentDirection::GaussNewton => gauss_newton,
             };
             let (alpha, tries) = match self.rule {
                 StepRule::Constant(alpha) => (alpha, 0),
                 StepRule::Geometric { first, ratio } => {
                     let alpha = first * ratio.powi(iterations as i32);
                     if alpha * direction.norm() / (1.0 - ratio) < self.tolerance_m * first {
-                        return Err(Failure::Stalled { state, iterations });
+                        return Err(Failure::Stalled { state: state(), iterations });
                     }
                     (alpha, 0)
                 }
                 StepRule::Backtracking { first, ratio } => {
                     let length = |tries: u32| first * ratio.powi(tries as i32);
-                    let decreases = |tries: &u32| cost_at(&(x + length(*tries) * direction)) < cost;
-                    let tries = (0..MAX_TRIES).find(decreases);
-                    let tries = tries.ok_or(Failure::NoDecrease { state, iterations })?;
+                    let decreases = |tries: &u32| {
+                        cost_at(&at.plus(length(*tries), &direction), &mut spare) < cost
+                    };
+                    let Some(tries) = (0..MAX_TRIES).find(decreases) else {
+                        return Err(Failure::NoDecrease { state: state(), iterations });
+                    };
                     (length(tries), tries)
                 }
                 StepRule::BarzilaiBorwein => match &last {
-                    Some((s, before)) => (s.norm_squared() / s.dot(&(before - direction)), 0),
-                    None => (1.0 / diagonal.sum(), 0),
+                    Some((s, before)) => (s.dot(s) / s.dot(&before.plus(-1.0, &direction)), 0),
+                    None => {
+                        (1.0 / diagonal.clocks.iter().fold(diagonal.x.sum(), |sum, d| sum + d), 0)
+                    }
                 },
             };
-            let step = alpha * direction;
-            last = Some((step, direction));
-            x += step;
-            let (position, clocks) = split(&x);
-            trace(&Step {
+            let step = problem.zero().plus(alpha, &direction);
+            let next = at.plus(1.0, &step);
+            trace(&Iteration {
                 start: 0,
                 mu: alpha,
                 length: step.norm(),
                 objective_before: cost,
-                objective_after: cost_at(&x),
-                state: system.state(position, clocks),
+                objective_after: cost_at(&next, &mut spare),
+                state: problem.state(&next),
                 damped: if tries > 0 { Damped::Cost(tries) } else { Damped::by(alpha, 0, 0) },
             });
+            last = Some((step, direction));
+            at = next;
         }
-        let (position, clocks) = split(&x);
-        let state = system.state(position, clocks);
-        Err(Failure::TooSlow { state, iterations: self.max_iterations })
+        Err(Failure::TooSlow { state: problem.state(&at), iterations: self.max_iterations })
     }
 }
 
-/// Position and clocks in one vector.
-fn join(position: &Vector3<f64>, [bias, drift]: [f64; 2]) -> Vector5<f64> {
-    Vector5::new(position.x, position.y, position.z, bias, drift)
-}
-
-fn split(x: &Vector5<f64>) -> (Vector3<f64>, [f64; 2]) {
-    (x.fixed_rows::<3>(0).into_owned(), [x[3], x[4]])
-}
-
-/// Mean of the observations of several epochs, row by row, and the number of epochs: for satellites that
-/// do not move meanwhile. (Of moving ones average residuals, not pseudoranges.)
-pub fn mean_of_epochs<'a>(epochs: impl Iterator<Item = &'a [f64]>, mean: &mut [f64]) -> usize {
-    mean.fill(0.0);
-    let mut count = 0;
-    for epoch in epochs {
-        mean.iter_mut().zip(epoch).for_each(|(mean, y)| *mean += y);
-        count += 1;
+/// `H^T e` and the diagonal of `H^T H` of the weighted rows, added to `zero`.
+fn gradient(system: &LeastSquares<3, 4>, zero: &Point<3>) -> (Point<3>, Point<3>) {
+    let (mut gradient, mut diagonal) = (zero.clone(), zero.clone());
+    for LinearRow { row: [x, y, z, e], weight, term } in system.rows() {
+        let by = Vector3::new(*x, *y, *z);
+        gradient.x += by * *e;
+        diagonal.x += by.component_mul(&by);
+        if let Some(term) = *term {
+            gradient.clocks[term] += weight * e;
+            diagonal.clocks[term] += weight * weight;
+        }
     }
-    mean.iter_mut().for_each(|mean| *mean /= count as f64);
-    count
+    (gradient, diagonal)
+}
+
+/// A gradient divided by the diagonal; a clock term that is not observed has no gradient either.
+fn divided(mut gradient: Point<3>, diagonal: &Point<3>) -> Point<3> {
+    let divide = |g: &mut f64, d: &f64| *g /= d.max(f64::MIN_POSITIVE);
+    gradient.x.iter_mut().zip(&diagonal.x).for_each(|(g, d)| divide(g, d));
+    gradient.clocks.iter_mut().zip(&diagonal.clocks).for_each(|(g, d)| divide(g, d));
+    gradient
 }

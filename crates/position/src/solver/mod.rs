@@ -2,20 +2,19 @@
 
 pub mod aw_dgn_bt;
 pub mod bancroft;
-mod belief;
 pub mod descent;
-mod gram_schmidt;
-pub mod model;
-pub mod observations;
-pub mod outcome;
-mod system;
+pub mod failure;
+mod plausibility;
+pub mod point_solution;
 pub mod variable_projection;
+
+use crate::problem::{Place, Row, RowKind};
 
 use aw_dgn_bt::{Damping, iterate};
 use bancroft::bancroft_gn;
-use descent::{Descent, Direction, StepRule};
-use observations::Observations;
-use outcome::{Failure, Solution, State, Step};
+use descent::{Descent, DescentDirection, StepRule};
+use failure::Failure;
+use point_solution::{Iteration, PointSolution};
 use std::fmt;
 use std::str::FromStr;
 use variable_projection::variable_projection;
@@ -23,7 +22,7 @@ use variable_projection::variable_projection;
 /// A position solver that starts without prior knowledge of the place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Solver {
-    /// `best`: `bancroft` for pseudoranges alone, and `vp` for all else and where that fails.
+    /// `best`: `bancroft` for pseudoranges alone by one clock, and `vp` for all else and where that fails.
     #[default]
     Best,
     /// `gn`: Gauss-Newton with full steps.
@@ -74,56 +73,52 @@ pub enum SolverNameError {
 
 impl Solver {
     /// Solves from the Earth's centre, or from where the solver's own rule starts. `trace` sees each
-    /// accepted step. Allocates nothing.
+    /// accepted step.
     ///
     /// # Errors
     /// [`Failure`] names the cause.
-    pub fn solve<O: Observations>(
+    pub fn solve(
         &self,
-        observations: &O,
-        trace: impl FnMut(&Step),
-    ) -> Result<Solution, Failure> {
-        self.solve_by(observations, trace).map(|(_, solution)| solution)
+        rows: &[Row],
+        trace: impl FnMut(&Iteration),
+    ) -> Result<PointSolution, Failure> {
+        self.solve_by(rows, trace).map(|(_, solution)| solution)
     }
 
     /// The same, with the solver that did it: `best` takes one or the other.
     ///
     /// # Errors
     /// As [`Solver::solve`].
-    pub fn solve_by<O: Observations>(
+    pub fn solve_by(
         &self,
-        observations: &O,
-        mut trace: impl FnMut(&Step),
-    ) -> Result<(Self, Solution), Failure> {
+        rows: &[Row],
+        mut trace: impl FnMut(&Iteration),
+    ) -> Result<(Self, PointSolution), Failure> {
         if *self == Self::Best {
-            return best(observations, trace);
+            return best(rows, trace);
         }
-        self.run(observations, &mut trace).map(|solution| (*self, solution))
+        self.run(rows, &mut trace).map(|solution| (*self, solution))
     }
 
-    fn run<O: Observations>(
+    fn run(
         &self,
-        observations: &O,
-        trace: &mut impl FnMut(&Step),
-    ) -> Result<Solution, Failure> {
-        let damping = match *self {
-            Self::Gn => Damping::GN,
-            Self::Adgn(mu0) => Damping::adgn(mu0),
-            Self::AdgnBt => Damping::ADGN_BT,
-            Self::AwDgn(mu0) => Damping::aw_dgn(mu0),
-            Self::AwDgnBt => Damping::AW_DGN_BT,
-            Self::Best | Self::Vp => return variable_projection(observations, true, trace),
-            Self::VpOnce => return variable_projection(observations, false, trace),
-            Self::Bancroft => return bancroft_gn(observations, trace),
-            Self::Descent(descent) => {
-                return descent.solve(observations, &State::CENTRE, trace);
-            }
-        };
-        iterate(observations, &damping, &State::CENTRE, trace)
+        rows: &[Row],
+        trace: &mut impl FnMut(&Iteration),
+    ) -> Result<PointSolution, Failure> {
+        let centre = Place::centre();
+        match *self {
+            Self::Gn => iterate(rows, &Damping::GN, &centre, trace),
+            Self::Adgn(mu0) => iterate(rows, &Damping::adgn(mu0), &centre, trace),
+            Self::AdgnBt => iterate(rows, &Damping::ADGN_BT, &centre, trace),
+            Self::AwDgn(mu0) => iterate(rows, &Damping::aw_dgn(mu0), &centre, trace),
+            Self::AwDgnBt => iterate(rows, &Damping::AW_DGN_BT, &centre, trace),
+            Self::Best | Self::Vp => variable_projection(rows, true, trace),
+            Self::VpOnce => variable_projection(rows, false, trace),
+            Self::Bancroft => bancroft_gn(rows, trace),
+            Self::Descent(descent) => descent.solve(rows, &centre, trace),
+        }
     }
-}
 
-impl Solver {
     /// Its name without a parameter, such as `aw-dgn-bt` or `adgn`.
     pub fn name(&self) -> &'static str {
         let text = self.to_string();
@@ -134,20 +129,21 @@ impl Solver {
 }
 
 /// Bancroft's solution for pseudoranges alone; variable projection for all else and where that fails.
-fn best<O: Observations>(
-    observations: &O,
-    mut trace: impl FnMut(&Step),
-) -> Result<(Solver, Solution), Failure> {
+fn best(
+    rows: &[Row],
+    mut trace: impl FnMut(&Iteration),
+) -> Result<(Solver, PointSolution), Failure> {
     let mut spent = 0;
-    if observations.rows()[1] == 0 {
-        match bancroft_gn(observations, &mut trace) {
+    let by_one_clock = |row: &Row| row.kind == RowKind::Range && row.clock == rows[0].clock;
+    if rows.iter().all(by_one_clock) {
+        match bancroft_gn(rows, &mut trace) {
             Err(cause) if !cause.is_of_the_input() => spent = cause.iterations(),
             other => return other.map(|solution| (Solver::Bancroft, solution)),
         }
     }
-    let solution = variable_projection(observations, true, trace)?;
+    let solution = variable_projection(rows, true, trace)?;
     let iterations = spent + solution.iterations;
-    Ok((Solver::Vp, Solution { iterations, ..solution }))
+    Ok((Solver::Vp, PointSolution { iterations, ..solution }))
 }
 
 impl fmt::Display for Solver {
@@ -164,9 +160,9 @@ impl fmt::Display for Solver {
             Self::Bancroft => write!(f, "bancroft"),
             Self::Descent(Descent { direction, rule, .. }) => {
                 let way = match direction {
-                    Direction::Gradient => "gd",
-                    Direction::Diagonal => "diagonal",
-                    Direction::GaussNewton => "gn",
+                    DescentDirection::Gradient => "gd",
+                    DescentDirection::Diagonal => "diagonal",
+                    DescentDirection::GaussNewton => "gn",
                 };
                 match rule {
                     StepRule::Constant(alpha) => write!(f, "{way}:{alpha}"),
@@ -196,28 +192,20 @@ impl FromStr for Solver {
         let alpha = || number(2.5, "give the step length in (0, 2.5] after a colon, as in gd:0.1");
         let beta =
             || number(0.999_999, "give the ratio of steps, below 1, as in gd-geometric:0.99");
-        let family = |direction, rule| Self::Descent(Descent::new(direction, rule));
+        let family = |way, rule| Self::Descent(Descent::new(way, rule));
+        let constant = |way| Ok(family(way, StepRule::Constant(alpha()?)));
+        let geometric = |way, first| Ok(family(way, StepRule::Geometric { first, ratio: beta()? }));
         let solver = match (name, parameter) {
             ("adgn", _) => return Ok(Self::Adgn(mu0()?)),
             ("aw-dgn", _) => return Ok(Self::AwDgn(mu0()?)),
-            ("gd", _) => return Ok(family(Direction::Gradient, StepRule::Constant(alpha()?))),
-            ("diagonal", _) => {
-                return Ok(family(Direction::Diagonal, StepRule::Constant(alpha()?)));
-            }
-            ("gn", Some(_)) => {
-                return Ok(family(Direction::GaussNewton, StepRule::Constant(alpha()?)));
-            }
-            ("gd-geometric", _) => {
-                let rule = StepRule::Geometric { first: GRADIENT_FIRST, ratio: beta()? };
-                return Ok(family(Direction::Gradient, rule));
-            }
-            ("gn-geometric", _) => {
-                let rule = StepRule::Geometric { first: 1.0, ratio: beta()? };
-                return Ok(family(Direction::GaussNewton, rule));
-            }
-            ("gd-bt", _) => family(Direction::Gradient, HALVING),
-            ("gn-bt", _) => family(Direction::GaussNewton, HALVING),
-            ("gd-bb", _) => family(Direction::Gradient, StepRule::BarzilaiBorwein),
+            ("gd", _) => return constant(DescentDirection::Gradient),
+            ("diagonal", _) => return constant(DescentDirection::Diagonal),
+            ("gn", Some(_)) => return constant(DescentDirection::GaussNewton),
+            ("gd-geometric", _) => return geometric(DescentDirection::Gradient, GRADIENT_FIRST),
+            ("gn-geometric", _) => return geometric(DescentDirection::GaussNewton, 1.0),
+            ("gd-bt", _) => family(DescentDirection::Gradient, HALVING),
+            ("gn-bt", _) => family(DescentDirection::GaussNewton, HALVING),
+            ("gd-bb", _) => family(DescentDirection::Gradient, StepRule::BarzilaiBorwein),
             ("best", _) => Self::Best,
             ("gn", None) => Self::Gn,
             ("adgn-bt", _) => Self::AdgnBt,

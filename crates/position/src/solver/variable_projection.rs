@@ -24,11 +24,12 @@
 //! around the centroid, at 0.2, 0.6 and 0.07 rad. With no redundancy every place fits: the sphere comes
 //! first, and all starts are used to look for other solutions, which are reported.
 
-use super::belief::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
-use super::model::Satellite;
-use super::observations::Observations;
-use super::outcome::{Alternatives, Ambiguity, Damped, Failure, Solution, State, Step};
-use super::system::{Clocks, MAX_ROWS, Rows, System, unseen};
+use super::failure::Failure;
+use super::plausibility::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
+use super::point_solution::{Ambiguity, Damped, Iteration, PointSolution};
+use crate::gauss_newton::Point;
+use crate::least_squares::{Buffer, LeastSquares};
+use crate::problem::{Place, Problem, Row, Satellite, Seen};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 
@@ -48,23 +49,97 @@ const MORE_STARTS: usize = 4;
 const RING: usize = 6;
 const RINGS: [f64; 3] = [0.2, 0.6, 0.07];
 
+/// Most other places that a solution carries.
+const MAX_ALTERNATIVES: usize = 3;
+
 /// Solves from below the satellites' centroid, with `restarts` until the residuals prove the place, or
-/// without. `trace` sees each accepted step. Allocates nothing.
+/// without. `trace` sees each accepted step.
 ///
 /// # Errors
-/// [`Failure::Inconsistent`] if the best place does not explain the observations to their deviations,
-/// [`Failure::Implausible`] if it is not near the Earth's surface and nothing proves it, or how the last
-/// start failed.
-pub fn variable_projection<O: Observations>(
-    observations: &O,
+/// [`Failure::Inconsistent`] if the best place does not explain the observations to their standard
+/// deviations, [`Failure::Implausible`] if it is not near the Earth's surface and nothing proves it, or how
+/// the last start failed.
+pub fn variable_projection(
+    rows: &[Row],
     restarts: bool,
-    trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
-    match observations.rows().iter().sum() {
-        0..=16 => solve::<O, 16>(observations, restarts, trace),
-        17..=64 => solve::<O, 64>(observations, restarts, trace),
-        _ => solve::<O, MAX_ROWS>(observations, restarts, trace),
+    trace: impl FnMut(&Iteration),
+) -> Result<PointSolution, Failure> {
+    let problem = Problem::new(rows)?;
+    let redundancy = problem.redundancy();
+    let [early, believed] = believed_costs(&problem);
+    let mut search = Search {
+        centroid: centroid(rows.iter().map(|row| &row.satellite)),
+        problem: &problem,
+        trace,
+        views: Default::default(),
+        iterations: 0,
+        starts: 0,
+    };
+    let mut minima: Vec<Minimum> = Vec::new();
+    let mut failure = None;
+    let mut left = usize::MAX;
+    for start in starts(redundancy, restarts) {
+        match search.start(start) {
+            Ok(minimum) if minimum.plausible(start, redundancy) => {
+                let cost = minimum.cost;
+                add(&mut minima, minimum, redundancy > 0);
+                if redundancy > 0 && cost < early {
+                    break;
+                }
+                if redundancy > 0 && cost < believed {
+                    left = left.min(MORE_STARTS + 1);
+                }
+            }
+            Ok(Minimum { state, iterations, .. }) => {
+                failure.get_or_insert(Failure::Implausible { state, iterations });
+            }
+            Err(cause) => {
+                failure.get_or_insert(cause);
+            }
+        }
+        left -= 1;
+        if left == 0 {
+            break;
+        }
     }
+    let Some(Minimum { state, cost, covariance, mut iterations, restarts: spent }) =
+        minima.first().cloned()
+    else {
+        // At least one start was made, and none led to a place.
+        return Err(failure.unwrap_or(Failure::Coplanar));
+    };
+    if redundancy > 0 {
+        iterations = search.iterations;
+    }
+    if cost >= believed {
+        return Err(Failure::Inconsistent { state, cost, limit: believed, iterations });
+    }
+    if let Some(mirrored) = problem.mirrored(&state.position_m).filter(|_| restarts) {
+        let start = Start::Place(mirrored);
+        if let Some(second) = search.start(start).ok().filter(|m| m.plausible(start, redundancy)) {
+            add(&mut minima, second, false);
+        }
+    }
+    let fits = |other: &Minimum| other.cost < believed.min(cost + AS_GOOD);
+    let alternatives: Vec<Place> =
+        minima.drain(..).skip(1).filter(fits).map(|m| m.state).take(MAX_ALTERNATIVES).collect();
+    let ambiguity = if !alternatives.is_empty() {
+        Ambiguity::Several
+    } else if redundancy == 0 || !problem.sigma_known {
+        Ambiguity::Unverified
+    } else {
+        Ambiguity::None
+    };
+    Ok(PointSolution {
+        state,
+        cost,
+        covariance,
+        iterations,
+        search_iterations: search.iterations - iterations,
+        restarts: spent,
+        alternatives,
+        ambiguity,
+    })
 }
 
 /// Where a start begins.
@@ -91,9 +166,9 @@ fn starts(redundancy: usize, restarts: bool) -> impl Iterator<Item = Start> {
 }
 
 /// A converged start.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Minimum {
-    state: State,
+    state: Place,
     cost: f64,
     covariance: Matrix3<f64>,
     /// Linearisations up to it.
@@ -103,10 +178,6 @@ struct Minimum {
 }
 
 impl Minimum {
-    fn is_at(&self, other: &Self) -> bool {
-        (self.state.position_m - other.state.position_m).norm() <= SAME_M
-    }
-
     /// Whether a place can be believed by its height: without wall, only the residuals bound it above.
     fn plausible(&self, start: Start, redundancy: usize) -> bool {
         match start {
@@ -118,128 +189,29 @@ impl Minimum {
     }
 }
 
-/// Different minima, the solution first.
-#[derive(Default)]
-struct Minima([Option<Minimum>; 4]);
-
-impl Minima {
-    /// Adds one; it becomes the solution if it is the first, or `by_cost` and cheaper.
-    fn push(&mut self, minimum: Minimum, by_cost: bool) {
-        if let Some(same) = self.0.iter_mut().flatten().find(|m| m.is_at(&minimum)) {
-            if minimum.cost < same.cost {
-                (same.state, same.cost) = (minimum.state, minimum.cost);
-            }
-        } else if let Some(free) = self.0.iter_mut().find(|m| m.is_none()) {
-            *free = Some(minimum);
+/// Adds a minimum to the different ones, of which the first is the solution: the first found, or the cheapest.
+fn add(minima: &mut Vec<Minimum>, minimum: Minimum, by_cost: bool) {
+    let apart = |m: &Minimum| (m.state.position_m - minimum.state.position_m).norm();
+    if let Some(same) = minima.iter_mut().find(|m| apart(m) <= SAME_M) {
+        if minimum.cost < same.cost {
+            (same.state, same.cost) = (minimum.state, minimum.cost);
         }
-        if by_cost {
-            self.0.sort_by(|a, b| match (a, b) {
-                (Some(a), Some(b)) => a.cost.total_cmp(&b.cost),
-                _ => b.is_some().cmp(&a.is_some()),
-            });
-        }
+    } else if minima.len() <= MAX_ALTERNATIVES {
+        minima.push(minimum);
+    }
+    if by_cost {
+        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     }
 }
 
-#[derive(Clone, Copy)]
-struct Buffer<const N: usize> {
-    seen: Rows<N>,
-    /// Centred residuals.
-    right: [f64; N],
-}
-
-struct Solver<'a, O, F, const N: usize> {
-    system: System<'a, O, N>,
+struct Search<'a, F> {
+    problem: &'a Problem<'a>,
     trace: F,
     centroid: Vector3<f64>,
-    /// Predictions and residuals at the place reached, and at the next.
-    buffers: [Buffer<N>; 2],
+    /// Of the place reached, and of the next: predictions, and rows whose residuals are centred.
+    views: [(Buffer<Seen>, LeastSquares<3, 4>); 2],
     iterations: usize,
     starts: usize,
-}
-
-fn solve<O: Observations, const N: usize>(
-    observations: &O,
-    restarts: bool,
-    trace: impl FnMut(&Step),
-) -> Result<Solution, Failure> {
-    let system = System::<O, N>::new(observations)?;
-    let redundancy = system.redundancy();
-    let [early, believed] = believed_costs(observations, redundancy);
-    let mut solver = Solver {
-        centroid: centroid((0..system.rows()).map(|row| observations.satellite(row))),
-        system,
-        trace,
-        buffers: [Buffer { seen: unseen(), right: [0.0; N] }; 2],
-        iterations: 0,
-        starts: 0,
-    };
-    let mut minima = Minima::default();
-    let mut failure = None;
-    let mut left = usize::MAX;
-    for start in starts(redundancy, restarts) {
-        match solver.start(start) {
-            Ok(minimum) if minimum.plausible(start, redundancy) => {
-                minima.push(minimum, redundancy > 0);
-                if redundancy > 0 && minimum.cost < early {
-                    break;
-                }
-                if redundancy > 0 && minimum.cost < believed {
-                    left = left.min(MORE_STARTS + 1);
-                }
-            }
-            Ok(Minimum { state, iterations, .. }) => {
-                failure.get_or_insert(Failure::Implausible { state, iterations });
-            }
-            Err(cause) => {
-                failure.get_or_insert(cause);
-            }
-        }
-        left -= 1;
-        if left == 0 {
-            break;
-        }
-    }
-    let Some(mut minimum) = minima.0[0] else {
-        // At least one start was made, and none led to a place.
-        return Err(failure.unwrap_or(Failure::Coplanar));
-    };
-    if redundancy > 0 {
-        minimum.iterations = solver.iterations;
-    }
-    let Minimum { state, cost, iterations, .. } = minimum;
-    if cost >= believed {
-        return Err(Failure::Inconsistent { state, cost, limit: believed, iterations });
-    }
-    if let Some(mirrored) = solver.system.mirrored(&state.position_m).filter(|_| restarts) {
-        let start = Start::Place(mirrored);
-        if let Some(second) = solver.start(start).ok().filter(|m| m.plausible(start, redundancy)) {
-            minima.push(second, false);
-        }
-    }
-    let mut alternatives = Alternatives::default();
-    for other in minima.0[1..].iter().flatten() {
-        if other.cost < believed.min(cost + AS_GOOD) {
-            alternatives.push(other.state);
-        }
-    }
-    let ambiguity = if !alternatives.is_empty() {
-        Ambiguity::Several
-    } else if redundancy == 0 || !observations.sigma_known() {
-        Ambiguity::Unverified
-    } else {
-        Ambiguity::None
-    };
-    Ok(Solution {
-        state,
-        cost,
-        covariance: minimum.covariance,
-        iterations,
-        search_iterations: solver.iterations - iterations,
-        restarts: minimum.restarts,
-        alternatives,
-        ambiguity,
-    })
 }
 
 /// Unit vector to the mean direction of the satellites; the north pole's if they lie all around.
@@ -255,7 +227,7 @@ fn tangents(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [east, up.cross(&east)]
 }
 
-impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
+impl<F: FnMut(&Iteration)> Search<'_, F> {
     fn start(&mut self, start: Start) -> Result<Minimum, Failure> {
         self.starts += 1;
         let wall = EARTH_RADIUS + WALL_M;
@@ -273,7 +245,7 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
                 let mut cheapest = (f64::INFINITY, below_centroid);
                 for k in 0..RINGS.len() * RING {
                     let place = self.on_ring(k);
-                    let cost = look(&self.system, &place, &mut self.buffers[0]).1;
+                    let cost = self.problem.look_centred(&place, &mut self.views[0]).1;
                     if cost < cheapest.0 {
                         cheapest = (cost, place);
                     }
@@ -294,16 +266,15 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
 
     /// Two Gauss-Newton steps on the mean sphere, in the two tangential unknowns.
     fn on_sphere(&mut self, mut place: Vector3<f64>) -> Result<Vector3<f64>, Failure> {
-        let buffer = &mut self.buffers[0];
+        let view = &mut self.views[0];
         for _ in 0..2 {
             self.iterations += 1;
-            let (clocks, _) = look(&self.system, &place, buffer);
-            if self.system.step(&buffer.seen, &buffer.right).is_none() {
-                let state = self.system.state(place, clocks);
-                return Err(self.system.diagnose(state, self.iterations));
+            let (clocks, _) = self.problem.look_centred(&place, view);
+            if view.1.solve(clocks.len()).is_none() {
+                return Err(self.problem.diagnose(&Point { x: place, clocks }, self.iterations));
             }
             let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
-            let step = self.system.step_within(&basis);
+            let step = view.1.solve_within(&basis);
             place = EARTH_RADIUS * (place + step).normalize();
         }
         Ok(place)
@@ -311,87 +282,79 @@ impl<O: Observations, F: FnMut(&Step), const N: usize> Solver<'_, O, F, N> {
 
     /// The iteration of the module's head.
     fn descend(&mut self, start: Vector3<f64>, wall_m: f64) -> Result<Minimum, Failure> {
-        let system = &mut self.system;
-        let [here, there] = &mut self.buffers;
+        let problem = self.problem;
+        let [here, there] = &mut self.views;
         let (mut here, mut there) = (here, there);
-        let mut position = start;
-        let (mut clocks, mut phi) = look(system, &position, here);
+        let (clocks, mut phi) = problem.look_centred(&start, here);
+        let mut at = Point { x: start, clocks };
         let mut at_wall = 0;
         for _ in 0..K_MAX {
             self.iterations += 1;
             let iterations = self.iterations;
-            let state = system.state(position, clocks);
-            let Some((d, _)) = system.step(&here.seen, &here.right) else {
-                return Err(system.diagnose(state, iterations));
+            let (seen, system) = &mut *here;
+            let Some((d, _)) = system.solve(at.clocks.len()) else {
+                return Err(problem.diagnose(&at, iterations));
             };
             let (length, promise) = (d.norm(), system.promise());
             let mut a = Vector3::zeros();
             if length > CURVED_M {
-                system.curvatures(&here.seen, &d, &mut there.right);
-                let bend = -system.step_again(&mut there.right);
+                let bend = -system.solve_again(&mut problem.curvatures(seen, &d));
                 if bend.norm() < 0.75 * length {
                     a = 0.5 * bend;
                 }
             }
             let (mut mu, mut halvings) = (1.0, 0);
-            let (next, projected, clocks_next, phi_next) = loop {
-                let mut next = position + mu * d + mu * mu * a;
+            let (next, projected, clocks, phi_next) = loop {
+                let mut next = at.x + mu * d + mu * mu * a;
                 let radius = next.norm();
                 let projected = radius > wall_m;
                 if projected {
                     next *= wall_m / radius;
                 }
-                let (clocks_next, phi_next) = look(system, &next, there);
-                if phi_next <= (1.0 + TAU) * phi + system.floor {
-                    break (next, projected, clocks_next, phi_next);
+                let (clocks, phi_next) = problem.look_centred(&next, there);
+                if phi_next <= (1.0 + TAU) * phi + problem.floor {
+                    break (next, projected, clocks, phi_next);
                 }
                 mu /= 2.0;
                 halvings += 1;
                 if mu < ETA {
+                    let state = problem.state(&at);
                     return Err(Failure::Jammed { state, iterations, wall: projected });
                 }
             };
-            let moved = (next - position).norm();
+            let moved = (next - at.x).norm();
             std::mem::swap(&mut here, &mut there);
-            let state = system.state(next, clocks_next);
-            (self.trace)(&Step {
+            at = Point { x: next, clocks };
+            (self.trace)(&Iteration {
                 start: self.starts - 1,
                 mu,
                 length: moved,
                 objective_before: phi,
                 objective_after: phi_next,
-                state,
+                state: problem.state(&at),
                 damped: match projected {
                     true => Damped::Projected(halvings),
                     false => Damped::by(1.0, 0, halvings),
                 },
             });
-            (position, clocks, phi) = (next, clocks_next, phi_next);
-            if mu * length < EPS || promise < system.rounding {
-                if let Some(row) = system.coincident(&position) {
+            phi = phi_next;
+            if mu * length < EPS || promise < problem.rounding {
+                if let Some(row) = problem.coincident(&at.x) {
                     return Err(Failure::Coincident { row });
                 }
-                let covariance = system.covariance();
-                let restarts = self.starts - 1;
-                return Ok(Minimum { state, cost: phi, covariance, iterations, restarts });
+                return Ok(Minimum {
+                    state: problem.state(&at),
+                    cost: phi,
+                    covariance: there.1.covariance(),
+                    iterations,
+                    restarts: self.starts - 1,
+                });
             }
             at_wall = if projected { at_wall + 1 } else { 0 };
             if at_wall == MAX_PROJECTED || projected && moved < EPS {
-                return Err(Failure::Jammed { state, iterations, wall: true });
+                return Err(Failure::Jammed { state: problem.state(&at), iterations, wall: true });
             }
         }
-        let state = system.state(position, clocks);
-        Err(Failure::TooSlow { state, iterations: self.iterations })
+        Err(Failure::TooSlow { state: problem.state(&at), iterations: self.iterations })
     }
-}
-
-/// Predictions and centred residuals at a place: its best clock terms and its cost.
-#[inline]
-fn look<O: Observations, const N: usize>(
-    system: &System<'_, O, N>,
-    place: &Vector3<f64>,
-    buffer: &mut Buffer<N>,
-) -> (Clocks, f64) {
-    system.see(place, &mut buffer.seen);
-    system.centred_residuals(&buffer.seen, &mut buffer.right)
 }

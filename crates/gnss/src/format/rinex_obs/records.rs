@@ -196,12 +196,12 @@ pub(super) fn observation<'a>(
     let (range_sigma_m, doppler_sigma_hz) = typical_noise(cn0_dbhz);
     Ok(Some(Observation {
         transmission: signal::of(sv),
-        range: CodeRange::Pseudorange(code.unwrap_or(f64::NAN)),
+        range: code.map(CodeRange::Pseudorange),
         range_sigma_m,
-        doppler_hz: doppler.unwrap_or(f64::NAN),
+        doppler_hz: doppler,
         doppler_sigma_hz,
         carrier_phase_cycles: phase,
         lost_lock: fields.phase.is_some_and(|k| field(k).lost_lock()),
-        cn0_dbhz: cn0_dbhz.unwrap_or(f64::NAN),
+        cn0_dbhz,
     }))
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::observation::{CodeRange, Observation};
+use crate::observation::Observation;
 use crate::{GpsTime, signal};
 use proptest::prelude::*;
 
@@ -64,8 +64,7 @@ fn read(text: &str) -> Result<Vec<ObservationEpoch>, ReadError> {
 }
 
 fn range(o: &Observation) -> f64 {
-    let CodeRange::Pseudorange(range_m) = o.range else { panic!("a full pseudorange") };
-    range_m
+    o.pseudorange_m().unwrap()
 }
 
 #[test]
@@ -83,13 +82,13 @@ fn versions_2_and_3_are_read_field_by_field() {
     let names: Vec<String> = epoch.observations.iter().map(|o| o.sv().to_string()).collect();
     assert_eq!(names, ["G02", "G12", "J03"], "a name without letter is of GPS");
     let [first, p_code, last] = &epoch.observations[..] else { panic!("three") };
-    assert_eq!((range(first), first.doppler_hz), (21_276_226.827, -1_011.373));
+    assert_eq!((range(first), first.doppler_hz), (21_276_226.827, Some(-1_011.373)));
     assert_eq!((first.carrier_phase_cycles, first.lost_lock), (Some(-20_304_412.007), true));
-    assert_eq!(first.cn0_dbhz, 45.77);
+    assert_eq!(first.cn0_dbhz, Some(45.77));
     // No C1: P1 in its place; no S1: class 8 is 48 to 53 dB-Hz; no D1.
-    assert_eq!((range(p_code), p_code.cn0_dbhz), (23_725_222.529, 51.0));
-    assert!(p_code.doppler_hz.is_nan() && !p_code.lost_lock);
-    assert!(last.cn0_dbhz.is_nan() && last.range_sigma_m == typical(42.0));
+    assert_eq!((range(p_code), p_code.cn0_dbhz), (23_725_222.529, Some(51.0)));
+    assert!(p_code.doppler_hz.is_none() && !p_code.lost_lock);
+    assert!(last.cn0_dbhz.is_none() && last.range_sigma_m == typical(42.0));
 
     let epochs = read(&(v3_header() + V3_EPOCH)).unwrap();
     assert_eq!(epochs[0].receive_time, GpsTime::from_calendar(2024, 6, 24, 8, 20, 0.0));

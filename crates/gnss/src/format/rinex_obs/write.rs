@@ -2,7 +2,7 @@
 //! C1C L1C D1C S1C of L1 C/A.
 
 use crate::format::rinex_nav::write::{header_line, program_line};
-use crate::observation::{CodeRange, Observation, ObservationEpoch};
+use crate::observation::{Observation, ObservationEpoch};
 use crate::{Constellation, GpsTime, Signal, Transmission};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -149,21 +149,15 @@ fn line(
 }
 
 fn fields(o: &Observation, text: &mut String) {
-    let code = match o.range {
-        CodeRange::Pseudorange(metres) => Some(metres),
-        CodeRange::ModuloCodePeriod(_) => None,
-    };
     let lli = if o.lost_lock { '1' } else { ' ' };
     // Signal strength 1 to 9: 6 dB-Hz a step (RINEX 3.04 section 5.7).
-    let strength = match o.cn0_dbhz {
-        cn0 if cn0.is_finite() => ((cn0 / 6.0).floor().clamp(1.0, 9.0) as u8).to_string(),
-        _ => " ".to_owned(),
-    };
+    let class = |cn0: f64| ((cn0 / 6.0).floor().clamp(1.0, 9.0) as u8).to_string();
+    let strength = o.cn0_dbhz.map_or(" ".to_owned(), class);
     let fields: [_; FIELDS] = [
-        (code, ' '),
+        (o.pseudorange_m(), ' '),
         (o.carrier_phase_cycles, lli),
-        (Some(o.doppler_hz), ' '),
-        (Some(o.cn0_dbhz), ' '),
+        (o.doppler_hz, ' '),
+        (o.cn0_dbhz, ' '),
     ];
     for (k, (value, flag)) in fields.into_iter().enumerate() {
         // What does not fit its 14 columns is left out, as the format has it for missing values.
@@ -181,7 +175,7 @@ fn fields(o: &Observation, text: &mut String) {
 mod tests {
     use super::super::ObservationReader;
     use super::*;
-    use crate::observation::typical_noise;
+    use crate::observation::{CodeRange, typical_noise};
     use crate::{Sv, signal};
     use proptest::collection::{btree_map, vec};
     use proptest::prelude::*;
@@ -197,13 +191,13 @@ mod tests {
                 let (range_sigma_m, doppler_sigma_hz) = typical_noise(Some(cn0_dbhz));
                 Observation {
                     transmission: signal::of(Sv::all_gps().next().unwrap()),
-                    range: CodeRange::Pseudorange(range.map_or(f64::NAN, milli)),
+                    range: range.map(milli).map(CodeRange::Pseudorange),
                     range_sigma_m,
-                    doppler_hz: if sign { milli(doppler) } else { -milli(doppler) },
+                    doppler_hz: Some(if sign { milli(doppler) } else { -milli(doppler) }),
                     doppler_sigma_hz,
                     carrier_phase_cycles: phase.map(milli),
                     lost_lock: lost && phase.is_some(),
-                    cn0_dbhz,
+                    cn0_dbhz: Some(cn0_dbhz),
                 }
             },
         )
@@ -241,11 +235,7 @@ mod tests {
                 prop_assert!((a.receive_time - b.receive_time).abs() < 0.51e-7);
                 prop_assert_eq!(a.observations.len(), b.observations.len());
                 for (a, b) in a.observations.iter().zip(&b.observations) {
-                    let number = |o: &Observation| match o.range {
-                        CodeRange::Pseudorange(metres) => Some(metres).filter(|m| m.is_finite()),
-                        CodeRange::ModuloCodePeriod(_) => None,
-                    };
-                    prop_assert_eq!((a.sv(), number(a)), (b.sv(), number(b)));
+                    prop_assert_eq!((a.sv(), a.range), (b.sv(), b.range));
                     prop_assert_eq!((a.doppler_hz, a.cn0_dbhz), (b.doppler_hz, b.cn0_dbhz));
                     prop_assert_eq!(a.carrier_phase_cycles, b.carrier_phase_cycles);
                     prop_assert_eq!(a.lost_lock, b.lost_lock);

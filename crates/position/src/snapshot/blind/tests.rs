@@ -1,8 +1,8 @@
 //! Monte Carlo over places, times of a day or a week, subsets of satellites, clocks and noise.
 
 use super::*;
-use crate::synthetic::{Truth, navigation_data_of_hours};
-use crate::{PositioningOptions, solve_snapshot};
+use crate::simulated::{Truth, navigation_data_of_hours};
+use crate::solve_snapshot;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -58,17 +58,18 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
     for Observation { range, range_sigma_m, doppler_hz, doppler_sigma_hz, .. } in
         &mut epoch.observations
     {
-        if let CodeRange::Pseudorange(range_m) = *range {
+        if let Some(CodeRange::Pseudorange(range_m)) = *range {
             let phase_m = (range_m + noise(class.code_sigma_m)).rem_euclid(CODE_PERIOD_M);
-            *range = CodeRange::ModuloCodePeriod(phase_m);
+            *range = Some(CodeRange::ModuloCodePeriod(phase_m));
         }
-        *doppler_hz += noise(class.doppler_sigma_hz);
+        *doppler_hz.as_mut().unwrap() += noise(class.doppler_sigma_hz);
         *range_sigma_m = class.code_sigma_m;
         *doppler_sigma_hz = class.doppler_sigma_hz;
     }
     for observation in epoch.observations.iter_mut().take(class.false_ones) {
-        observation.range = CodeRange::ModuloCodePeriod(rng.random_range(0.0..CODE_PERIOD_M));
-        observation.doppler_hz = rng.random_range(-5e3..5e3);
+        let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
+        observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
+        observation.doppler_hz = Some(rng.random_range(-5e3..5e3));
     }
     epoch.observations.sort_by_key(|o| o.sv());
     let off_s = if class.uncertainty_s.is_finite() { class.uncertainty_s } else { 0.0 };
@@ -96,8 +97,10 @@ struct Tally {
 fn tally(class: Class, runs: u64) -> Tally {
     let nav = navigation_data_of_hours(class.hours);
     let sky = navigation_data_of_hours(class.hours.max(class.taken.1 as u32));
-    let options =
-        SnapshotOptions { time_uncertainty_s: class.uncertainty_s, ..SnapshotOptions::default() };
+    let options = PositioningOptions {
+        time_uncertainty_s: class.uncertainty_s,
+        ..PositioningOptions::default()
+    };
     let results: Vec<_> = (0..runs)
         .into_par_iter()
         .filter_map(|seed| Some((seed, draw(&class, &sky, seed)?)))
@@ -157,7 +160,8 @@ fn random_code_phases_pass_no_more_often_than_the_bound_says() {
     // Noise of kilometres makes chance frequent enough to be counted.
     let class = Class { satellites: 6, doppler_sigma_hz: 25.0, code_sigma_m: 15e3, ..CLASS };
     let nav = navigation_data_of_hours(class.hours);
-    let options = SnapshotOptions { time_uncertainty_s: 18_000.0, ..SnapshotOptions::default() };
+    let options =
+        PositioningOptions { time_uncertainty_s: 18_000.0, ..PositioningOptions::default() };
     let counts: Vec<(f64, f64)> = (0..100)
         .into_par_iter()
         .filter_map(|seed| draw(&class, &nav, seed).map(|(_, epoch)| (seed, epoch)))
@@ -165,7 +169,7 @@ fn random_code_phases_pass_no_more_often_than_the_bound_says() {
             let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
             for observation in &mut epoch.observations {
                 let phase_m = rng.random_range(0.0..CODE_PERIOD_M);
-                observation.range = CodeRange::ModuloCodePeriod(phase_m);
+                observation.range = Some(CodeRange::ModuloCodePeriod(phase_m));
             }
             let blind = Blind::new(&epoch, &nav, &options).unwrap();
             let search = blind.search(None);

@@ -1,27 +1,16 @@
 //! What a receiver at a place and time would measure of a satellite, with every correction that
 //! broadcast data allow, and how far that may be off.
 
-use super::PositioningOptions;
-use super::error::DropReason;
+use crate::PositioningOptions;
 use nalgebra::Vector3;
 use sdr_rx_gnss::constants::{MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
-use sdr_rx_gnss::observation::Observation;
 use sdr_rx_gnss::orbit::Propagation;
 use sdr_rx_gnss::{GpsTime, NavigationData, Orbit};
 
-/// An observation with the orbit of its satellite.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sighting<'a> {
-    pub observation: &'a Observation,
-    pub orbit: Orbit<'a>,
-    /// Pseudorange, or pseudorange modulo the code period, m.
-    pub range_m: f64,
-}
-
 /// The prediction for one satellite.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(crate) struct Predicted {
     /// Unit vector from receiver to satellite, ECEF of reception.
     pub direction: Vector3<f64>,
     pub azimuth: f64,
@@ -30,7 +19,7 @@ pub(super) struct Sight {
     pub range_m: f64,
     /// Standard deviation of that prediction, m.
     pub range_sigma_m: f64,
-    /// Rate of the geometric range for a receiver at rest, m/s (see [`Sight::range_rate`]).
+    /// Rate of the geometric range for a receiver at rest, m/s (see [`Predicted::range_rate`]).
     static_rate_mps: f64,
     /// Rate of what the atmosphere adds to the carrier's range, m/s.
     atmosphere_rate_mps: f64,
@@ -51,7 +40,7 @@ pub(super) struct Sight {
 /// signals of most simulators know no troposphere.
 const RATE_SIGMA_MPS: f64 = 0.02;
 
-impl Sight {
+impl Predicted {
     /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t`.
     pub fn new<'a>(
         orbit: impl Into<Orbit<'a>>,
@@ -123,7 +112,7 @@ impl Sight {
     ///
     /// With `P = c (t_r - t_s)` on the clocks of receiver and satellite and `rho` the light path,
     /// `d rho/dt = u.(v_s - v_r) / (1 + u.v_s/c)`: the velocities are Earth-fixed in the numerator,
-    /// as the Earth's rotation is perpendicular to the line of sight between two points that turn
+    /// as the Earth's rotation is perpendicular to the line of predicted between two points that turn
     /// with it, and inertial in the denominator. `drift_mps` is c times the rate of the receiver's
     /// clock; satellite clock rate and both clocks' own scales count for some mm/s each, and so does the
     /// atmosphere at the horizon (for low orbits a metre per second).
@@ -135,47 +124,10 @@ impl Sight {
     }
 }
 
-impl<'a> Sighting<'a> {
-    /// Pairs an observation with its satellite's orbit at about time `t`, or says why it cannot be used.
-    pub fn new(
-        observation: &'a Observation,
-        range_m: f64,
-        t: GpsTime,
-        nav: &'a NavigationData,
-    ) -> Result<Self, DropReason> {
-        let positive = |sigma: f64| sigma.is_finite() && sigma > 0.0;
-        if !range_m.is_finite() || !positive(observation.range_sigma_m) {
-            return Err(DropReason::NotANumber);
-        }
-        let orbit = nav.orbit(observation.sv(), t)?;
-        Ok(Self { observation, orbit, range_m })
-    }
-
-    /// The same for its Doppler alone, which must be a number; the range is none.
-    pub fn of_doppler(
-        observation: &'a Observation,
-        t: GpsTime,
-        nav: &'a NavigationData,
-    ) -> Result<Self, DropReason> {
-        let orbit = nav.orbit(observation.sv(), t)?;
-        let sighting = Self { observation, orbit, range_m: f64::NAN };
-        sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
-    }
-
-    /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
-    pub fn range_rate(&self) -> Option<(f64, f64)> {
-        let (doppler, sigma) = (self.observation.doppler_hz, self.observation.doppler_sigma_hz);
-        (doppler.is_finite() && sigma.is_finite() && sigma > 0.0).then(|| {
-            let wavelength_m = self.observation.transmission.wavelength_m();
-            (-wavelength_m * doppler, wavelength_m * sigma)
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::{Truth, navigation_data};
     use super::*;
+    use crate::simulated::{Truth, navigation_data};
     use sdr_rx_gnss::Ephemeris;
     use sdr_rx_gnss::atmosphere::Troposphere;
 
@@ -188,18 +140,19 @@ mod tests {
             PositioningOptions { troposphere: Troposphere::None, ..PositioningOptions::default() };
         let truth = Truth::at_rest();
         let rate = |ephemeris: &Ephemeris, receiver: &Vector3<f64>, t: GpsTime| {
-            Sight::new(ephemeris, receiver, t, &nav, &options).range_rate(&Vector3::zeros(), 0.0)
+            Predicted::new(ephemeris, receiver, t, &nav, &options)
+                .range_rate(&Vector3::zeros(), 0.0)
         };
         for ephemeris in nav.iter() {
             let (r, t) = (truth.position_m, truth.time);
-            let sight = Sight::new(ephemeris, &r, t, &nav, &options);
+            let predicted = Predicted::new(ephemeris, &r, t, &nav, &options);
             let slope = (rate(ephemeris, &r, t + 1.0) - rate(ephemeris, &r, t - 1.0)) / 2.0;
             // The perturbations left out are 1e-3 of gravity; slopes are about 0.1 m/s^2.
-            assert!((slope - sight.acceleration_mps2).abs() < 1e-3, "{slope}");
+            assert!((slope - predicted.acceleration_mps2).abs() < 1e-3, "{slope}");
             let step = Vector3::new(300.0, -500.0, 800.0);
             let change = (rate(ephemeris, &(r + step), t) - rate(ephemeris, &(r - step), t)) / 2.0;
             // 1e-5 by the dilation, step/range = 5e-5 squared by curvature.
-            let predicted = sight.rate_gradient.dot(&step);
+            let predicted = predicted.rate_gradient.dot(&step);
             assert!((change - predicted).abs() < 1e-4 * step.norm() * 2e-4, "{change} {predicted}");
         }
     }

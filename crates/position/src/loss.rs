@@ -11,7 +11,7 @@ pub enum Robust {
     /// under normal noise.
     Huber,
     /// By IGG-III (Yang, Song, Xu, J. Geodesy 76, 2002): `1` up to k0 = 2 deviations, then
-    /// `k0/|v| ((k1 - |v|)/(k1 - k0))^2`, and nothing from k1 = 5 on. Found from Huber's solution, as a law
+    /// `k0/|v| ((k1 - |v|)/(k1 - k0))^2`, and nothing from k1 = 5 on. Found from Huber's solution, as a loss
     /// that rejects has several minima.
     Igg3,
 }
@@ -36,7 +36,7 @@ impl Robust {
         }
     }
 
-    /// The laws that are solved one after the other after plain least squares, each from the solution of the
+    /// The losses that are solved one after the other after plain least squares, each from the solution of the
     /// one before.
     pub(super) fn stages(self) -> &'static [Self] {
         match self {
@@ -53,15 +53,15 @@ mod tests {
 
     #[test]
     fn weights_fall_from_one_without_jumps_and_bound_the_influence() {
-        for law in [Robust::None, Robust::Huber, Robust::Igg3] {
-            assert_eq!(law.weight(0.0), 1.0);
+        for loss in [Robust::None, Robust::Huber, Robust::Igg3] {
+            assert_eq!(loss.weight(0.0), 1.0);
             for k in 0..1000 {
                 let v = 0.01 * f64::from(k);
-                let (here, next) = (law.weight(v), law.weight(-v - 1e-6));
+                let (here, next) = (loss.weight(v), loss.weight(-v - 1e-6));
                 assert!((0.0..=1.0).contains(&here) && (next - here).abs() < 1e-5 && next <= here);
                 // What a residual pulls: at most 1.345 of Huber, 2 of IGG-III, nothing beyond 5.
                 let pull = v * here;
-                match law {
+                match loss {
                     Robust::None => {}
                     Robust::Huber => assert!(pull < HUBER + 1e-12),
                     Robust::Igg3 => assert!(pull <= IGG3_FULL && (v < 5.0 || pull == 0.0)),

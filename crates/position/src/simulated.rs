@@ -1,6 +1,6 @@
 //! A constellation and observations of known truth, for the tests of this floor.
 
-use super::PositioningOptions;
+use crate::PositioningOptions;
 use nalgebra::Vector3;
 use sdr_rx_gnss::atmosphere::Klobuchar;
 use sdr_rx_gnss::constants::{MU_EARTH, SPEED_OF_LIGHT};
@@ -92,13 +92,13 @@ impl Truth {
             let change = carrier(0.5) - carrier(-0.5);
             let observation = Observation {
                 transmission: signal::of(ephemeris.sv),
-                range: CodeRange::Pseudorange(self.pseudorange(ephemeris, 0.0) + delay_m),
+                range: Some(CodeRange::Pseudorange(self.pseudorange(ephemeris, 0.0) + delay_m)),
                 range_sigma_m: 1.0,
-                doppler_hz: -change / (1.0 + self.drift_sps) / L1_WAVELENGTH,
+                doppler_hz: Some(-change / (1.0 + self.drift_sps) / L1_WAVELENGTH),
                 doppler_sigma_hz: 0.5,
                 carrier_phase_cycles: None,
                 lost_lock: false,
-                cn0_dbhz: 45.0,
+                cn0_dbhz: Some(45.0),
             };
             (elevation >= mask).then_some(observation)
         });

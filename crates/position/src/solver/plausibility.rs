@@ -1,6 +1,6 @@
 //! When a place that an iteration converged to is believed.
 
-use super::observations::Observations;
+use crate::problem::Problem;
 use nalgebra::Vector3;
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 
@@ -28,9 +28,9 @@ pub(super) fn above_the_ground(position_m: &Vector3<f64>) -> bool {
 }
 
 /// Costs below which a place is believed at once, and at all; infinite if no deviations are known.
-pub(super) fn believed_costs<O: Observations>(observations: &O, redundancy: usize) -> [f64; 2] {
-    let degrees = redundancy.max(1) as f64;
-    match observations.sigma_known() {
+pub(super) fn believed_costs(problem: &Problem) -> [f64; 2] {
+    let degrees = problem.redundancy().max(1) as f64;
+    match problem.sigma_known {
         true => [EARLY * degrees, BELIEVED * degrees],
         false => [f64::INFINITY; 2],
     }

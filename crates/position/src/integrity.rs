@@ -1,0 +1,71 @@
+//! What makes a solution plausible: the distribution of its residuals, its distance from the Earth's centre,
+//! and its geometry.
+
+use super::error::PositioningError;
+use nalgebra::{Matrix3, Vector3};
+use sdr_rx_gnss::coordinates::Geodetic;
+
+/// Smallest distance from the Earth's centre, m, of a place that is believed: the poles lie at 6357 km.
+pub(crate) const MIN_RADIUS: f64 = 6.33e6;
+/// Largest such distance, m: 50 km above the equator.
+pub(crate) const MAX_RADIUS: f64 = 6.43e6;
+/// Beyond this dilution a range error of 3 m is one of 300 m in position.
+const MAX_PDOP: f64 = 100.0;
+
+/// Dilutions of precision, and the rotation to local axes.
+pub(crate) struct Geometry {
+    to_enu: Matrix3<f64>,
+    pub pdop: f64,
+    pub hdop: f64,
+    pub vdop: f64,
+}
+
+impl Geometry {
+    /// From the position's part (ECEF) of `(H^T H)^-1`, for `satellites` satellites.
+    pub fn new(
+        position_m: &Vector3<f64>,
+        cofactor: &Matrix3<f64>,
+        satellites: usize,
+    ) -> Result<Self, PositioningError> {
+        let to_enu = Geodetic::from_ecef(position_m).ecef_to_enu();
+        let local = to_enu * cofactor * to_enu.transpose();
+        let hdop = (local[(0, 0)] + local[(1, 1)]).sqrt();
+        let vdop = local[(2, 2)].sqrt();
+        let pdop = hdop.hypot(vdop);
+        if pdop <= MAX_PDOP {
+            return Ok(Self { to_enu, pdop, hdop, vdop });
+        }
+        let name = "position dilution of precision";
+        Err(PositioningError::DegenerateGeometry { satellites, name, value: pdop, limit: MAX_PDOP })
+    }
+
+    /// A covariance of the position, from ECEF to east, north, up.
+    pub fn local(&self, covariance: &Matrix3<f64>) -> Matrix3<f64> {
+        self.to_enu * covariance * self.to_enu.transpose()
+    }
+}
+
+/// The value that a chi-square variable of `degrees` degrees of freedom exceeds with probability
+/// 1e-5 (Wilson and Hilferty 1931; at most 10 % above the exact quantile).
+pub(crate) fn chi_square_limit(degrees: usize) -> f64 {
+    /// Normal quantile of 1 - 1e-5.
+    const Z: f64 = 4.2649;
+    let k = degrees as f64;
+    let spread = 2.0 / (9.0 * k);
+    k * (1.0 - spread + Z * spread.sqrt()).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_agrees_with_tables() {
+        // For 2 degrees of freedom the tail is exp(-x/2), for 4 (1 + x/2) exp(-x/2).
+        let tail2 = (-chi_square_limit(2) / 2.0).exp();
+        let x = chi_square_limit(4) / 2.0;
+        let tail4 = (1.0 + x) * (-x).exp();
+        assert!((0.4e-5..1e-5).contains(&tail2), "{tail2}");
+        assert!((0.5e-5..1e-5).contains(&tail4), "{tail4}");
+    }
+}
