@@ -179,7 +179,7 @@ fn level_doubts(open: &Open) -> Vec<String> {
         source.read(&mut raw, (LOOK_S * rate_hz) as usize).ok()?;
         let mut meter = LevelMeter::default();
         meter.add(raw.channel(0));
-        Some(meter.level(real)?.doubts())
+        Some(meter.level(real)?.warnings())
     };
     doubts().unwrap_or_default()
 }
