@@ -2,7 +2,7 @@
 //! one of them shows a sky full of satellites, it is named.
 
 use crate::acquisition::search::searched_signal;
-use crate::acquisition::{SearchOptions, SearchPlan, remove_shadows};
+use crate::acquisition::{SearchOptions, SearchPlan, remove_cross_correlations};
 use crate::capture::{Block, OpenOptions, SampleSource, StreamInfo};
 use crate::front_end::{Conditioner, ImpulseSuppressor, LevelMeter, Suppression};
 
@@ -165,7 +165,7 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     let plan = SearchPlan::new(conditioner.info().rate_hz, search.clone()).ok()?;
     let samples = if block.channels() > 0 { block.channel(0) } else { &[] };
     let mut found = plan.search(samples).ok()?;
-    remove_shadows(&mut found, search.coherent_ms, plan.windows(samples.len()));
+    remove_cross_correlations(&mut found, search.coherent_ms, plan.windows(samples.len()));
     found.retain(|a| a.cn0_dbhz >= SOUND_DBHZ);
     Some(Sky { count: found.len(), total_dbhz: found.iter().map(|a| a.cn0_dbhz).sum() })
 }
@@ -179,7 +179,7 @@ fn level_doubts(open: &Open) -> Vec<String> {
         source.read(&mut raw, (LOOK_S * rate_hz) as usize).ok()?;
         let mut meter = LevelMeter::default();
         meter.add(raw.channel(0));
-        Some(meter.level(real)?.doubts())
+        Some(meter.level(real)?.warnings())
     };
     doubts().unwrap_or_default()
 }

@@ -71,7 +71,7 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
         for (k, z) in antenna.channel_mut(0).iter_mut().enumerate() {
             *z = Complex32::new(re[k] + amplitude * code[k % PERIOD], im[k]);
         }
-        let law = Mixture { share, background: 1.0, impulse: ratio, real: false };
+        let law = Mixture { probability: share, background: 1.0, impulse: ratio, real: false };
         for (suppression, map) in CHOICES {
             let mut block = antenna.clone();
             ImpulseSuppressor::new(suppression, &info()).process(&mut block);

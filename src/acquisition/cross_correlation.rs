@@ -1,8 +1,8 @@
-//! Striking out detections that are only the cross-correlation with a stronger satellite.
+//! Removal of detections that are only the cross-correlation with a stronger satellite.
 //!
 //! Two C/A codes correlate to up to -23.9 dB at equal Dopplers, and to about -21 dB where the Dopplers
-//! differ by a multiple of 1 kHz (Kaplan & Hegarty, 3rd ed., 8.7.2). How much of a weak detection a given
-//! strong satellite explains follows from the two codes, phases and Dopplers, so it is computed.
+//! differ by a multiple of 1 kHz (Kaplan & Hegarty, 3rd ed., 8.7.2). The fraction of a weak detection's power
+//! that a given strong satellite explains follows from the two codes, phases and Dopplers, and is computed.
 
 use super::Acquisition;
 use num_complex::Complex64;
@@ -11,51 +11,52 @@ use std::f64::consts::TAU;
 /// Steps per chip of the correlation integral.
 const STEPS: usize = 4;
 
-/// A detection can be a shadow only where a stronger satellite explains this share of its power.
-const EXPLAINED: f64 = 0.2;
+/// A detection can be cross-correlation only where a stronger satellite explains this fraction of its power.
+const MIN_EXPLAINED: f64 = 0.2;
 
-/// What a search cell may lose of a satellite between its bins: a quarter chip (2.5 dB) and half a
-/// Doppler bin (0.9 dB). The stronger satellite may be that much stronger than it was measured.
+/// Maximum loss of a satellite's power between the bins of the search: a quarter chip (2.5 dB) and half a
+/// Doppler bin (0.9 dB). The stronger satellite may be that much stronger than measured.
 const SCALLOPING: f64 = 2.2;
 
-/// Standard deviations by which noise may lift a shadow: the greatest of the many cells it is cast on.
-const LIFTED: f64 = 5.0;
+/// Standard deviations by which noise may raise a cross-correlation: the maximum over the many cells that
+/// show it.
+const NOISE_SIGMAS: f64 = 5.0;
 
-/// Removes detections that a stronger one explains, and gives each removed one with the satellite that
-/// casts it. All come from one search of `windows` windows of `coherent_ms`.
-pub fn remove_shadows(
+/// Removes detections that a stronger one explains, and returns each removed one with the satellite that
+/// causes it. All come from one search of `windows` windows of `coherent_ms`.
+pub fn remove_cross_correlations(
     found: &mut Vec<Acquisition>,
     coherent_ms: usize,
     windows: usize,
 ) -> Vec<(Acquisition, Acquisition)> {
     found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
-    let mut shadows = Vec::new();
+    let mut removed = Vec::new();
     let mut kept: Vec<Acquisition> = Vec::new();
     for weak in found.drain(..) {
-        // Powers in units of the noise of one window; noise lifts their mean over the windows by
+        // Powers in units of the noise of one window; noise raises their mean over the windows by
         // sqrt((1 + 2 power) / windows).
         let snr = |a: &Acquisition| 10f64.powf(a.cn0_dbhz / 10.0) * coherent_ms as f64 * 1e-3;
         let measured = snr(&weak);
         let explained = |strong: &&Acquisition| {
             // No two C/A codes correlate to more than -19 dB at any Doppler.
-            let most = SCALLOPING * snr(strong) / 80.0;
-            most > EXPLAINED * measured && {
-                let shadow = SCALLOPING * snr(strong) * cross_power(strong, &weak, coherent_ms);
-                let lift = LIFTED * ((1.0 + 2.0 * shadow) / windows as f64).sqrt();
-                shadow > EXPLAINED * measured && measured < shadow + lift
+            let maximum = SCALLOPING * snr(strong) / 80.0;
+            maximum > MIN_EXPLAINED * measured && {
+                let explained = SCALLOPING * snr(strong) * cross_power(strong, &weak, coherent_ms);
+                let raise = NOISE_SIGMAS * ((1.0 + 2.0 * explained) / windows as f64).sqrt();
+                explained > MIN_EXPLAINED * measured && measured < explained + raise
             }
         };
         match kept.iter().find(explained) {
-            Some(strong) => shadows.push((weak, *strong)),
+            Some(strong) => removed.push((weak, *strong)),
             None => kept.push(weak),
         }
     }
     *found = kept;
-    shadows
+    removed
 }
 
-/// Power of `strong`'s signal of unit power in a correlator set to `weak`, the greatest within half a
-/// chip of its code phase; none between codes of different lengths or rates.
+/// Power of `strong`'s signal of unit power in a correlator set to `weak`, the maximum within half a chip of
+/// its code phase; none between codes of different lengths or rates.
 fn cross_power(strong: &Acquisition, weak: &Acquisition, coherent_ms: usize) -> f64 {
     let signal = strong.transmission.signal;
     let other = weak.transmission.signal;
@@ -63,7 +64,7 @@ fn cross_power(strong: &Acquisition, weak: &Acquisition, coherent_ms: usize) -> 
         return 0.0;
     }
     let periods = (coherent_ms as f64 * 1e-3 / signal.period_s()).round().max(1.0);
-    // Turns in a code period.
+    // Cycles in a code period.
     let turns = (strong.doppler_hz - weak.doppler_hz) * signal.period_s();
     let beat = turns - turns.round();
     let dirichlet = if beat.abs() < 1e-9 {
@@ -98,7 +99,7 @@ mod tests {
     use crate::gnss::Sv;
 
     #[test]
-    fn shadows_of_a_very_strong_satellite_go_and_a_real_weak_one_stays() {
+    fn cross_correlations_of_a_strong_satellite_are_removed_and_a_weak_satellite_stays() {
         let (rate, len) = (2.048e6, 655_360);
         let strong: Sv = "G07".parse().unwrap();
         let weak: Sv = "G21".parse().unwrap();
@@ -110,12 +111,12 @@ mod tests {
                 cn0_dbhz,
                 fade_db: 0.0,
                 fade_s: 0.0,
-                bit_edge: 3,
+                symbol_edge: 3,
                 seed,
             }
             .samples(sv, len)
         };
-        // 53 dB-Hz: its shadows are up to 32 dB-Hz, over the threshold after 32 windows of 10 ms.
+        // 53 dB-Hz: its cross-correlations reach 32 dB-Hz, over the threshold after 32 windows of 10 ms.
         let mixed: Vec<_> = signal(strong, 53.0, 500.0, 1)
             .iter()
             .zip(signal(weak, 38.0, -1730.0, 2))
@@ -124,9 +125,9 @@ mod tests {
         let plan =
             SearchPlan::new(rate, SearchOptions { max_windows: 32, ..Default::default() }).unwrap();
         let mut found = plan.search(&mixed).unwrap();
-        assert!(found.len() > 3, "no shadow was cast: the test proves nothing");
-        let shadows = remove_shadows(&mut found, 10, 32);
-        assert!(shadows.iter().all(|(_, by)| by.sv() == strong));
+        assert!(found.len() > 3, "no cross-correlation was detected: the test proves nothing");
+        let removed = remove_cross_correlations(&mut found, 10, 32);
+        assert!(removed.iter().all(|(_, by)| by.sv() == strong));
         let left: Vec<Sv> = found.iter().map(Acquisition::sv).collect();
         assert_eq!(left, [strong, weak], "{found:.1?}");
     }

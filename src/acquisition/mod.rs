@@ -1,8 +1,9 @@
-//! Finding satellites: which PRN codes are there, at which Doppler and code phase.
+//! Acquisition: which satellites are present, at which Doppler and code phase.
 //!
-//! [`SearchPlan`] looks at every code phase and Doppler of a few tens of milliseconds, [`Refiner`]
-//! then measures what was found to a fraction of a chip and of a hertz over as much signal as there is,
-//! and [`remove_shadows`] strikes out what is only the shadow of a stronger satellite.
+//! [`SearchPlan`] searches every code phase and Doppler over a few tens of milliseconds, [`Refiner`] then
+//! measures what was found to a fraction of a chip and of a hertz over the whole signal available, and
+//! [`remove_cross_correlations`] removes detections that are only the cross-correlation with a stronger
+//! satellite.
 
 mod consistency;
 mod cross_correlation;
@@ -11,8 +12,8 @@ pub(crate) mod search;
 mod snapshot;
 pub mod statistics;
 
-pub use consistency::{Slip, find_slip, is_mirrored};
-pub use cross_correlation::remove_shadows;
+pub use consistency::{MissingSamples, find_missing_samples, is_mirrored};
+pub use cross_correlation::remove_cross_correlations;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 pub use snapshot::snapshot_epoch;

@@ -15,21 +15,21 @@ use std::f64::consts::TAU;
 /// Distance of early and late from prompt, chips, in the first and the second pass.
 const TAP_CHIPS: [f64; 2] = [0.5, 0.25];
 
-/// What a snapshot says of a satellite.
+/// Refined measurements of a satellite in a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
     /// Doppler (in the middle of the snapshot), code phase (at its first sample) and C/N0, refined.
     pub acquisition: Acquisition,
-    /// Rate of the Doppler, Hz/s; 0 where none was looked for.
+    /// Rate of the Doppler, Hz/s; 0 where none was searched.
     pub doppler_rate_hz_s: f64,
-    /// When the Doppler is as told: this long after the first sample, s.
+    /// Instant of the Doppler: this long after the first sample, s.
     pub doppler_at_s: f64,
     /// Standard deviation of the Doppler, Hz.
     pub doppler_sigma_hz: f64,
     /// Standard deviation of the code phase, chips.
     pub code_sigma_chips: f64,
-    /// Rate of the code phase beyond what the Doppler predicts, chips/s: zero within
-    /// `code_rate_sigma`, unless the spectrum is mirrored or samples are missing.
+    /// Rate of the code phase beyond that predicted from the Doppler, chips/s: zero within `code_rate_sigma`,
+    /// unless the spectrum is mirrored or samples are missing.
     pub code_rate_excess: f64,
     /// Standard deviation of `code_rate_excess`, chips/s.
     pub code_rate_sigma: f64,
@@ -41,8 +41,8 @@ pub struct Refined {
 }
 
 impl Refined {
-    /// What a search of `coherent_ms` knows by itself, where the signal is too short to refine: uniform
-    /// errors over half a bin of Doppler and of code.
+    /// The precision of a search of `coherent_ms`, where the signal is too short to refine: uniform errors
+    /// over half a bin of Doppler and of code.
     pub fn unrefined(found: &Acquisition, rate_hz: f64, coherent_ms: usize) -> Self {
         Self {
             acquisition: *found,
@@ -79,16 +79,16 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Looks for rates of the Doppler up to `doppler_rate_hz_s` (Hz/s) either way: satellites in low orbits
+    /// Searches rates of the Doppler up to `doppler_rate_hz_s` (Hz/s) either way: satellites in low orbits
     /// reach 600, those in high ones stay below 1.
     #[must_use]
     pub fn with_doppler_rate(self, doppler_rate_hz_s: f64) -> Self {
         Self { doppler_rate_hz_s, ..self }
     }
 
-    /// Refines one acquisition whose code phase refers to the first sample of the window. `search_hz` is
-    /// how far the Doppler may be off (two bins of the search). None when the window is shorter than two
-    /// code periods or shows no power at all.
+    /// Refines one acquisition whose code phase refers to the first sample of the window. `search_hz` is the
+    /// maximum error of the Doppler (two bins of the search). `None` when the window is shorter than two code
+    /// periods or shows no power at all.
     pub fn refine(
         &self,
         coarse: &Acquisition,
@@ -146,7 +146,7 @@ impl<'a> Refiner<'a> {
             range.map(|k| sums[k][tap] * carrier.wipe_off[k]).sum()
         };
         let amplitude = wiped(1, 0..prompts.len()) / count;
-        // Half the power of the difference of neighbours: slow phase errors do not count as noise.
+        // Half the power of the difference of neighbours, so that slow phase errors do not count as noise.
         let still: Vec<Complex64> =
             prompts.iter().zip(&carrier.wipe_off).map(|(p, w)| p * w).collect();
         let differences: f64 = still.windows(2).map(|w| (w[1] - w[0]).norm_sqr()).sum();
@@ -204,7 +204,8 @@ mod tests {
     use crate::correlator::test_signal::TestSignal;
     use crate::gnss::signal;
 
-    /// Normalised errors of Doppler and code over many seeds: their mean and rms, and the edges found.
+    /// Normalised errors of Doppler and code over many seeds: their mean and rms, and the number of symbol
+    /// edges found.
     fn errors(rate: f64, ms: usize, cn0_dbhz: f64, seeds: u64) -> ([f64; 2], [f64; 2], usize) {
         let transmission = signal::of("G11".parse().unwrap());
         let table = CodeTable::new(transmission, rate);
@@ -219,7 +220,7 @@ mod tests {
                 cn0_dbhz,
                 fade_db: 0.0,
                 fade_s: 0.0,
-                bit_edge: 7,
+                symbol_edge: 7,
                 seed,
             };
             let mut buffer = SampleBuffer::default();

@@ -3,8 +3,8 @@
 //! Per coherent window of K code periods T the samples are sorted into N bins per period. Folding the K
 //! periods after a carrier of Doppler f = f_j + c/T is removed needs only the 2K fractions f_j of 1/T (1 kHz
 //! of a C/A code), since exp(-j 2 pi (c/T) m T) = 1 for whole periods m; within the period c/T is a shift of
-//! the spectrum by c lines. Counted work: 2K forward FFTs of N per window, and then one inverse FFT of N per
-//! satellite, Doppler, window and channel: that is all of the time.
+//! the spectrum by c lines. Cost: 2K forward FFTs of N per window, and then one inverse FFT of N per
+//! satellite, Doppler, window and channel, which dominates.
 
 use super::{Acquisition, statistics};
 use crate::gnss::{Signal, Sv, Transmission, signal};
@@ -14,7 +14,7 @@ use sdr_rx_linalg::{Fft, forward_transform, inverse_transform};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Bins per chip, at least and at most.
+/// Minimum and maximum number of bins per chip.
 const BINS_PER_CHIP: (usize, usize) = (2, 5);
 
 /// What to search.
@@ -24,20 +24,20 @@ pub struct SearchOptions {
     pub satellites: Vec<Transmission>,
     /// Doppler interval, Hz, both ends included.
     pub doppler_hz: (f64, f64),
-    /// Greatest rate of the Doppler, Hz/s, either way, that the refinement looks for; the search itself takes
-    /// none into account, which loses nothing below 1 / (8 T^2) for windows of T seconds.
+    /// Maximum rate of the Doppler, Hz/s, either way, that the refinement searches; the search itself assumes
+    /// none, which loses nothing below 1 / (8 T^2) for windows of T seconds.
     pub doppler_rate_hz_s: f64,
     /// Coherent integration, whole ms (1 to 20).
     pub coherent_ms: usize,
-    /// Greatest number of coherent windows summed non-coherently.
+    /// Maximum number of coherent windows summed non-coherently.
     pub max_windows: usize,
     /// Probability of one or more false alarms in the whole search.
     pub false_alarm: f64,
 }
 
 impl Default for SearchOptions {
-    /// All GPS satellites, +-5 kHz, two windows of 10 ms (one of them is free of a data bit edge), and
-    /// one false alarm in 1000 searches.
+    /// All GPS satellites, +-5 kHz, two windows of 10 ms (one of them is free of a symbol edge), and one
+    /// false alarm in 1000 searches.
     fn default() -> Self {
         Self {
             satellites: Sv::all_gps().map(signal::of).collect(),
@@ -50,7 +50,7 @@ impl Default for SearchOptions {
     }
 }
 
-/// Why a search cannot be done.
+/// Why a search is impossible.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum AcquisitionError {
     /// The rate is too low for the code.
@@ -80,7 +80,7 @@ pub enum AcquisitionError {
         /// Rate, Hz.
         rate_hz: f64,
     },
-    /// The options make no search.
+    /// Options that define no search.
     #[error("no search: {0}")]
     Options(&'static str),
 }
@@ -102,7 +102,7 @@ pub struct SearchPlan {
     codes: Vec<Vec<Complex32>>,
 }
 
-/// The spectra of the folded windows, by look (window of a channel) and fraction of the lines' distance.
+/// The spectra of the folded windows, by window of each channel and fraction of the spacing of the lines.
 struct Folded {
     /// `[channel][window][fraction][bin]`, flattened.
     spectra: Vec<Complex32>,
@@ -113,7 +113,7 @@ struct Folded {
 /// The best cell of one satellite.
 struct Peak {
     statistic: f64,
-    /// Power over the noise's, per window.
+    /// Power per window over that of the noise.
     power: f64,
     doppler_hz: f64,
     bin: usize,
@@ -192,14 +192,14 @@ impl SearchPlan {
         statistics::threshold(self.options.false_alarm, windows, self.cells())
     }
 
-    /// Searches the samples of one channel (baseband, from their first on) and gives the satellites
-    /// whose statistic passes the threshold, strongest first.
+    /// Searches the samples of one channel (baseband) and returns the satellites whose statistic passes the
+    /// threshold, strongest first.
     pub fn search(&self, samples: &[Complex32]) -> Result<Vec<Acquisition>, AcquisitionError> {
         self.search_channels(&[samples])
     }
 
-    /// The same over all channels of an array, whose powers are summed: no geometry need be known. The
-    /// channels are of one length and have equal noise floors. The C/N0 is that of one element.
+    /// The same over all channels of an array, whose powers are summed: no geometry is needed. The channels
+    /// are of one length and have equal noise floors. The C/N0 is that of one element.
     pub fn search_channels(
         &self,
         channels: &[&[Complex32]],
@@ -249,7 +249,8 @@ impl SearchPlan {
         }
     }
 
-    /// Folds each window to one code period for every fraction of the lines' distance, and transforms it.
+    /// Folds each window to one code period for every fraction of the spacing of the lines, and transforms
+    /// it.
     fn fold(&self, channels: &[&[Complex32]], windows: usize) -> Folded {
         let (bins, periods) = (self.bins, self.periods);
         let fractions = 2 * periods;
@@ -290,7 +291,7 @@ impl SearchPlan {
         sorted
     }
 
-    /// The cell of greatest statistic for one code.
+    /// The cell of maximum statistic for one code.
     fn search_one(&self, code: &[Complex32], cycles_per_chip: f64, folded: &Folded) -> Peak {
         let bins = self.bins;
         let fractions = 2 * self.periods as i64;
@@ -312,7 +313,7 @@ impl SearchPlan {
                 multiply(tail, code_head, &mut product[..bins - lines]);
                 multiply(head, code_tail, &mut product[bins - lines..]);
                 self.inverse.process_with_scratch(&mut product, &mut scratch);
-                // The code runs faster with the Doppler: later windows see it that much earlier.
+                // The code runs faster with the Doppler: later windows show it earlier by that much.
                 let seconds = (window * self.periods) as f64 * self.period_s;
                 let advance = doppler_hz / cycles_per_chip * seconds * bins as f64 / self.chips;
                 let advance = (advance.round() as i64).rem_euclid(bins as i64) as usize;
@@ -329,20 +330,20 @@ impl SearchPlan {
             }
             floors.push(total);
         }
-        // A strong signal raises the mean of its own row: the noise is that of the median row.
+        // A strong signal raises the mean of its own row, so the noise is that of the median row.
         let (_, &mut floor, _) = floors.select_nth_unstable_by(dopplers / 2, f32::total_cmp);
         best.power /= f64::from(floor).max(f64::MIN_POSITIVE);
         best
     }
 }
 
-/// What all transmissions of a search have in common, and the sampling rate must suit.
+/// The signal parameters common to all transmissions of a search, which must suit the sampling rate.
 pub(crate) fn searched_signal(
     satellites: &[Transmission],
     rate_hz: f64,
 ) -> Result<&'static Signal, AcquisitionError> {
     let no_search = AcquisitionError::Options;
-    let signal = satellites.first().ok_or(no_search("no satellite is asked for"))?.signal;
+    let signal = satellites.first().ok_or(no_search("no satellite is requested"))?.signal;
     let Signal { name, chip_rate_hz, chips, .. } = *signal;
     let alike = |t: &Transmission| (t.signal.chips, t.signal.chip_rate_hz) == (chips, chip_rate_hz);
     if !satellites.iter().all(alike) {
@@ -367,9 +368,9 @@ fn bins_per_period(signal: &Signal, rate_hz: f64) -> usize {
         rest == 1
     };
     let from = |bins: usize| (bins..).find(is_smooth).unwrap_or(bins);
-    let (least, most) = (BINS_PER_CHIP.0 * signal.chips, from(BINS_PER_CHIP.1 * signal.chips));
+    let (lowest, highest) = (BINS_PER_CHIP.0 * signal.chips, from(BINS_PER_CHIP.1 * signal.chips));
     let samples = (rate_hz * signal.period_s() + 1e-6) as usize;
-    (least..=samples.min(most)).rev().find(is_smooth).unwrap_or(from(least))
+    (lowest..=samples.min(highest)).rev().find(is_smooth).unwrap_or(from(lowest))
 }
 
 /// One period of a code at the middle of each of `bins` bins.
@@ -408,7 +409,7 @@ pub(crate) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) 
     }
 }
 
-/// Index and value of the greatest element, and the sum of all.
+/// Index and value of the maximum, and the sum of all.
 #[multiversion::multiversion(targets(
     "x86_64+avx2+fma",
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
@@ -435,7 +436,7 @@ mod tests {
     use crate::correlator::test_signal::{TestSignal, four_valued_noise};
 
     #[test]
-    fn a_satellite_is_found_where_it_is_at_every_kind_of_rate() {
+    fn a_satellite_is_found_at_its_code_phase_and_doppler_at_every_kind_of_rate() {
         for (rate, doppler, delay) in [
             (2.6e6, 1234.0, 0.123e-3),
             (4e6, -4321.0, 0.9e-3),
@@ -448,7 +449,7 @@ mod tests {
             let plan =
                 SearchPlan::new(rate, SearchOptions { satellites, ..Default::default() }).unwrap();
             let len = (rate * 20e-3) as usize;
-            // A data bit edge in the middle of the first window must not hide it.
+            // A symbol edge in the middle of the first window must not hide it.
             let signal = TestSignal {
                 rate,
                 doppler,
@@ -456,7 +457,7 @@ mod tests {
                 cn0_dbhz: 44.0,
                 fade_db: 0.0,
                 fade_s: 0.0,
-                bit_edge: 5,
+                symbol_edge: 5,
                 seed: 1,
             };
             let found = plan.search(&signal.samples(sv, len)).unwrap();
@@ -472,8 +473,8 @@ mod tests {
     }
 
     #[test]
-    fn realised_false_alarms_are_those_asked_for() {
-        // 10^5 searches of pure noise: one satellite, +-500 Hz, one window of 1 ms, 1 % asked for.
+    fn false_alarms_occur_with_the_requested_probability() {
+        // 10^5 searches of pure noise: one satellite, +-500 Hz, one window of 1 ms, 1 % requested.
         const SEARCHES: usize = 100_000;
         let rate = 2.048e6;
         let options = SearchOptions {
@@ -495,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_searches_are_refused() {
+    fn impossible_searches_are_errors() {
         let with = |change: fn(&mut SearchOptions)| {
             let mut options = SearchOptions::default();
             change(&mut options);

@@ -5,8 +5,8 @@ use crate::gnss::GpsTime;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 
-/// The observations in the middle of a snapshot of `samples` samples, where code phase and Doppler are
-/// least correlated. `start` is the receive time of its first sample, as well as it is known.
+/// The observations in the middle of a snapshot of `samples` samples, where code phase and Doppler are least
+/// correlated. `start` is the approximate receive time of its first sample.
 pub fn snapshot_epoch(
     refined: &[Refined],
     start: GpsTime,

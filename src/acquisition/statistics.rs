@@ -1,4 +1,4 @@
-//! The laws of the search's statistic, and the threshold that follows from them.
+//! The distribution of the search's statistic, and the threshold that follows from it.
 //!
 //! One cell (code phase, Doppler) of a search sums the power |C|^2 of K coherent correlations, each
 //! over its mean under noise. Without signal each is exponential with mean 1 (C is complex Gaussian by
@@ -17,7 +17,7 @@ pub fn cell_false_alarm(t: f64, k: usize) -> f64 {
         term *= t / i as f64;
         sum += term;
     }
-    // exp(-t) and the sum are multiplied as logarithms: each alone can leave the range of f64.
+    // exp(-t) and the sum are multiplied as logarithms: each alone can exceed the range of f64.
     if t <= 0.0 { 1.0 } else { (sum.ln() - t).exp().min(1.0) }
 }
 
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_threshold_of_one_look_is_the_closed_form() {
+    fn the_threshold_without_non_coherent_sums_is_the_closed_form() {
         // One exponential cell: t = -ln P.
         for pfa in [1e-2, 1e-3, 1e-6] {
             assert!((threshold(pfa, 1, 1.0) + pfa.ln()).abs() < 1e-9);

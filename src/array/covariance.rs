@@ -1,9 +1,9 @@
 //! The sample covariance of the channels, its eigenvalues, and its compression to a few snapshots of
 //! high signal-to-noise ratio.
 //!
-//! Counted work of the covariance of M channels: M^2/2 complex multiply-adds a sample. Samples are taken
-//! in tiles of 512 that stay in the second-level cache as planes of real and imaginary parts; within a
-//! tile products are summed in single precision (32 terms a lane), from tile to tile in double.
+//! Cost of the covariance of M channels: M^2/2 complex multiply-adds a sample. Samples are taken in tiles of
+//! 512 that stay in the second-level cache as planes of real and imaginary parts; within a tile products are
+//! summed in single precision (32 terms a lane), from tile to tile in double.
 
 use super::CMat;
 use super::decision::random_matrix::{self, Division};
@@ -17,7 +17,7 @@ const TILE: usize = 512;
 const LANES: usize = 16;
 /// Channels in a block of products, each way.
 const BLOCK: usize = 2;
-/// Samples times channels that are one task: fixed, so that sums are the same on any number of threads.
+/// Samples times channels of one task: fixed, so that sums are the same on any number of threads.
 const TASK: usize = 1 << 20;
 
 /// Sample covariance (1/T) sum x x^H of channels of T samples each, M x M.
@@ -113,26 +113,26 @@ fn block_products<const FUSED: bool>(
     sums.map(|row| row.map(|column| column.map(|lanes| lanes.into_iter().sum())))
 }
 
-/// The signals of a covariance as a few snapshots far above the noise (route b).
+/// The signals of a covariance as a few snapshots far above the noise (directions without codes).
 #[derive(Clone, Debug)]
 pub struct Compressed {
-    /// u_k sqrt(lambda_k - floor) of each eigenvalue above the noise: M x rank.
+    /// u_k sqrt(lambda_k - sigma^2) of each eigenvalue above the noise: M x rank.
     pub snapshots: CMat,
     /// All eigenvalues, descending.
     pub eigenvalues: Vec<f64>,
-    /// Rank, floor and threshold.
+    /// Rank, noise variance and threshold.
     pub division: Division,
 }
 
-/// Compresses a covariance of `samples` samples to the snapshots u_k sqrt(lambda_k - floor), which have
-/// the covariance of the signals alone; `nulled` directions were projected away beforehand. Noise alone
-/// gives a snapshot with probability `false_alarm`. `None` where the covariance is not finite.
+/// Compresses a covariance of `samples` samples to the snapshots u_k sqrt(lambda_k - sigma^2), which have the
+/// covariance of the signals alone; `nulled` directions were projected away beforehand. Noise alone gives a
+/// snapshot with probability `false_alarm`. `None` where the covariance is not finite.
 ///
-/// An array of M elements can show fewer than M signals this way.
+/// With M elements fewer than M signals can be resolved this way.
 pub fn compress(r: &CMat, samples: usize, nulled: usize, false_alarm: f64) -> Option<Compressed> {
     let (eigenvalues, vectors) = hermitian_eigen(r)?;
     let division = random_matrix::divide(&eigenvalues, samples, nulled, false_alarm);
-    let scale = |k: usize| (eigenvalues[k] - division.floor).sqrt();
+    let scale = |k: usize| (eigenvalues[k] - division.noise_variance).sqrt();
     let snapshots = CMat::from_fn(r.nrows(), division.rank, |m, k| vectors[(m, k)] * scale(k));
     Some(Compressed { snapshots, eigenvalues, division })
 }
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn the_kernel_equals_the_plain_sum() {
+    fn the_kernel_equals_the_direct_sum() {
         for (count, samples) in [(1, 1), (2, 512), (3, 700), (7, 5000), (64, 16_384 + 513)] {
             let channels = noise(count, samples, 3);
             let r = covariance(&slices(&channels));

@@ -1,12 +1,12 @@
-//! The antenna array: how many sources there are, from where, and beams to them.
+//! The antenna array: how many sources there are, from which directions, and beams to them.
 //!
-//! [`geometry`] gives responses to directions; [`sparse`] reconstructs snapshots from a few of them (LDA-l1,1 and
-//! a splitting of the same problem); [`decision`] says how many sources there are (JANE); [`code_periods`] finds
-//! signals by what repeats; [`sky`] puts it together: the first look, jammers, beams, whether signals come from
-//! where they should.
+//! [`geometry`] gives responses to directions; [`sparse`] reconstructs snapshots from a few of them (LDA-l1,1
+//! and a splitting of the same problem); [`decision`] determines how many sources there are (JANE);
+//! [`code_periods`] finds signals by what repeats; [`sky`] combines these: directions without codes, jammers,
+//! beams, and the test of measured directions against the predicted ones.
 //!
-//! Nothing here knows of files, data bits or positions. Matrices are `faer` matrices; a column is a snapshot
-//! (the samples of all elements at one instant) unless said otherwise.
+//! This module does not use files, data symbols or positions. Matrices are `faer` matrices; a column is a
+//! snapshot (the samples of all elements at one instant) unless stated otherwise.
 
 pub mod code_periods;
 pub mod covariance;

@@ -87,7 +87,7 @@ fn look(source: &mut dyn SampleSource, files: Vec<String>) -> anyhow::Result<Rep
     let spectra_db = power.iter().map(|p| p[bins - COLUMNS..].iter().map(decibels).collect());
     let mut warnings: Vec<String> = source.notes().iter().map(words::note).collect();
     for (c, level) in levels.iter().enumerate() {
-        warnings.extend(level.doubts().iter().map(|d| format!("channel {c}: {d}")));
+        warnings.extend(level.warnings().iter().map(|d| format!("channel {c}: {d}")));
     }
     Ok(Report {
         schema: "sdr-rx-info/1",

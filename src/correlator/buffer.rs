@@ -1,4 +1,4 @@
-//! The samples of one channel as the correlators read them.
+//! Buffer of one channel's samples for the correlators.
 
 use num_complex::Complex32;
 
@@ -21,7 +21,7 @@ impl SampleBuffer {
         Self { first_sample, ..Self::default() }
     }
 
-    /// Appends samples. The first non-zero samples fix the scale from floating point to `i16` for good.
+    /// Appends samples. The first non-zero samples fix the scale from floating point to `i16` permanently.
     pub fn push(&mut self, samples: &[Complex32]) {
         let scale = match self.scale {
             Some(scale) => scale,
@@ -41,7 +41,7 @@ impl SampleBuffer {
         quantise(samples, scale, &mut self.i[start..], &mut self.q[start..]);
     }
 
-    /// Forgets all samples before the stream index `sample`.
+    /// Removes all samples before the stream index `sample`.
     pub fn discard_before(&mut self, sample: u64) {
         let count = (sample.saturating_sub(self.first_sample) as usize).min(self.i.len());
         self.i.drain(..count);
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_keep_their_ratio_and_their_index() {
+    fn samples_keep_their_ratio_and_index() {
         let mut buffer = SampleBuffer::starting_at(10);
         let samples: Vec<_> = (0..100).map(|n| Complex32::new(n as f32, -2.0 * n as f32)).collect();
         buffer.push(&samples[..60]);

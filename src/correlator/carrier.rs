@@ -1,28 +1,29 @@
-//! Maximum likelihood for the carrier and the data symbols of a run of prompts of one code period.
+//! Maximum-likelihood estimation of the carrier and the data symbols from prompts of one code period each.
 
 use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Log-likelihood by which the best symbol edge must beat the second for it to be believed: odds of 1000.
-const EDGE_ODDS: f64 = 6.9;
+/// Log-likelihood ratio of the best symbol edge to the second best from which it is accepted: a ratio of
+/// 1000.
+const MIN_EDGE_LOG_RATIO: f64 = 6.9;
 
 /// The carrier of a run of prompts, relative to the replica's.
 #[derive(Clone, Debug)]
 pub struct Carrier {
     /// Frequency in the middle of the run, Hz.
     pub frequency_hz: f64,
-    /// Its rate, Hz/s; 0 where none was looked for.
+    /// Its rate, Hz/s; 0 where none was searched.
     pub rate_hz_s: f64,
     /// Phase at the middle of the run, rad.
     pub phase: f64,
-    /// Index of the first prompt that starts a data symbol, where the run shows it.
+    /// Index of the first prompt that starts a data symbol, where the data determine it.
     pub symbol_edge: Option<usize>,
-    /// Data wiped off and carrier removed: what each period is multiplied with.
+    /// Factors that remove data and carrier, one per period.
     pub wipe_off: Vec<Complex64>,
 }
 
-/// Where the frequency lies relative to the replica's, and how far it may be off.
+/// Intervals of frequency and rate, relative to the replica's, that are searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarrierSpan {
     /// Frequency, Hz, either way.
@@ -33,7 +34,7 @@ pub struct CarrierSpan {
 
 /// Frequency and its rate within `span`, symbol edge and data of a run of prompts.
 ///
-/// With two symbols or less the signs are searched and the whole run is coherent; with more, the symbols are
+/// With at most two symbols the signs are searched and the whole run is coherent; with more, the symbols are
 /// first summed non-coherently for edge, frequency and rate, and then squared, which removes the data.
 pub fn estimate_carrier(
     prompts: &[Complex64],
@@ -48,8 +49,8 @@ pub fn estimate_carrier(
     }
     let short = count <= 2 * cycle;
     let half_s = 0.5 * count as f64 * period_s;
-    // Half a step turns the ends of a short run by 0.3 rad, and moves those of a long one by 8 Hz, a sixth
-    // of the width of a bit's spectrum.
+    // Half a step changes the phase at the ends of a short run by 0.3 rad, and the frequency of a long one by
+    // 8 Hz, a sixth of the width of a symbol's spectrum.
     let step = if short { 0.2 / (half_s * half_s) } else { 16.0 / half_s };
     let steps = (span.rate_hz_s / step).round() as i64;
     let best = (-steps..=steps)
@@ -62,7 +63,7 @@ pub fn estimate_carrier(
         let symbols = symbol_sums(&run, timing, frequency, edge);
         let squared = |f: f64, r: f64| squared_sum(&symbols, timing, edge, count, f, r).norm();
         let fine = 1.0 / period_s / (16.0 * count as f64);
-        // A quarter of a turn of the squares between the middle and the ends.
+        // A quarter of a cycle of the squares between the middle and the ends.
         let fine_rate = 0.25 / (half_s * half_s);
         let reach = |step: f64, fine: f64| (step / fine).ceil() as i64;
         let rates = if steps > 0 { reach(step, fine_rate) } else { 0 };
@@ -73,7 +74,7 @@ pub fn estimate_carrier(
             })
             .max_by(|a, b| squared(a.0, a.1).total_cmp(&squared(b.0, b.1)))
             .unwrap_or((0.0, 0.0));
-        // Frequency and rate in the middle of the run hardly depend on each other.
+        // Estimates of frequency and rate in the middle of the run are almost uncorrelated.
         let r = if steps > 0 { climb(r, fine_rate, |r| squared(f, r)) } else { r };
         frequency += climb(f, fine, |f| squared(f, r));
         rate += r;
@@ -98,12 +99,12 @@ pub fn estimate_carrier(
         .collect();
     let noise = residual_noise(prompts, &wipe_off);
     let second = (0..edges).filter(|&e| e != edge).map(|e| score(frequency, e)).fold(0.0, f64::max);
-    let odds = (score(frequency, edge) - second) / (cycle as f64 * noise);
-    let symbol_edge = (!short && odds > EDGE_ODDS).then_some(edge);
+    let log_ratio = (score(frequency, edge) - second) / (cycle as f64 * noise);
+    let symbol_edge = (!short && log_ratio > MIN_EDGE_LOG_RATIO).then_some(edge);
     Some(Carrier { frequency_hz: frequency, rate_hz_s: rate, phase, symbol_edge, wipe_off })
 }
 
-/// The best frequency and symbol edge under one rate.
+/// Search of frequency and symbol edge under one rate.
 struct Search {
     /// The prompts without that rate.
     run: Vec<Complex64>,
@@ -177,7 +178,7 @@ fn without_rate(prompts: &[Complex64], period_s: f64, rate_hz_s: f64) -> Vec<Com
     prompts.iter().enumerate().map(turned).collect()
 }
 
-/// The symbol that period `k` belongs to when symbols of `cycle` periods start at `edge` (the part before it is
+/// Symbol that period `k` belongs to when symbols of `cycle` periods start at `edge` (the part before it is
 /// symbol 0).
 fn symbol_of(k: usize, edge: usize, cycle: usize) -> usize {
     if edge == 0 { k / cycle } else { (k + cycle - edge) / cycle }
@@ -202,7 +203,7 @@ fn symbol_sums(
     symbols
 }
 
-/// The signs of up to a few symbols that make the magnitude of their sum maximal, and that sum.
+/// The signs of a few symbols that maximise the magnitude of their sum, and that sum.
 fn best_signs(symbols: &[Complex64]) -> (Vec<f64>, Complex64) {
     let mut best = (vec![1.0; symbols.len()], Complex64::ZERO);
     for pattern in 0..1u32 << (symbols.len() - 1) {
@@ -248,8 +249,8 @@ fn residual_noise(prompts: &[Complex64], wipe_off: &[Complex64]) -> f64 {
     (residual / (count - 1.0)).max(f64::MIN_POSITIVE)
 }
 
-/// Climbs from the best point of a grid of spacing `step` to the maximum beside it (golden section, to
-/// a thousandth of the step).
+/// Refines the maximum next to the best point of a grid of spacing `step` (golden section, to a thousandth of
+/// the step).
 fn climb(start: f64, step: f64, f: impl Fn(f64) -> f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let (mut low, mut high) = (start - step, start + step);
@@ -269,11 +270,11 @@ mod tests {
 
     const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
 
-    /// A run of 200 prompts at 45 dB-Hz under data bits, with any frequency within 40 Hz and any rate within
-    /// 600 Hz/s: both are found to their Cramer-Rao bounds (Kay, Estimation Theory, 3.11, for a quadratic
-    /// phase: var f = 6 / ((2 pi)^2 snr N^3 T^2), var of the rate 360 / ((2 pi)^2 snr N^5 T^4)).
+    /// A run of 200 prompts at 45 dB-Hz under data symbols, with any frequency within 40 Hz and any rate
+    /// within 600 Hz/s: both are found to their Cramer-Rao bounds (Kay, Estimation Theory, 3.11, for a
+    /// quadratic phase: var f = 6 / ((2 pi)^2 snr N^3 T^2), var of the rate 360 / ((2 pi)^2 snr N^5 T^4)).
     #[test]
-    fn rates_of_low_orbits_are_found_to_the_bound() {
+    fn rates_of_low_orbits_reach_the_cramer_rao_bound() {
         const COUNT: usize = 200;
         const RUNS: u64 = 60;
         let snr = 10f64.powf(4.5) * TIMING.period_s;
@@ -303,7 +304,8 @@ mod tests {
             square[0] += ((carrier.frequency_hz - f) / frequency_sigma).powi(2) / RUNS as f64;
             square[1] += ((carrier.rate_hz_s - r) / rate_sigma).powi(2) / RUNS as f64;
         }
-        // A mean of 60 squares has a deviation of sqrt(2/60) = 0.18; squaring bits of 28 dB costs 0.1 %.
+        // A mean of 60 squares has a standard deviation of sqrt(2/60) = 0.18; squaring bits of 28 dB costs
+        // 0.1 %.
         for mean in square {
             assert!((0.45..1.55).contains(&mean), "{square:?}");
         }

@@ -2,8 +2,8 @@
 
 use crate::gnss::Transmission;
 
-/// Starting phases per chip: a replica is placed to half of 1/40 chip (3.7 m), and the remainder is
-/// known exactly, so that a code discriminator can account for it.
+/// Starting phases per chip: a replica is placed to half of 1/40 chip (3.7 m), and the remainder is known
+/// exactly, so that a code discriminator can correct for it.
 const PHASES_PER_CHIP: f64 = 40.0;
 
 /// Samples of guard at both ends of a row: the farthest tap plus one vector of the kernel.
@@ -29,7 +29,7 @@ pub struct Taps<'a> {
     pub len: usize,
     /// Index of the sample that the first entries belong to.
     pub first_sample: u64,
-    /// Where the prompt replica really lies: replica minus asked, samples.
+    /// Actual position of the prompt replica: replica minus requested, samples.
     pub offset: f64,
 }
 
@@ -54,12 +54,12 @@ impl CodeTable {
         Self { transmission, rows: (0..phases).map(row).collect(), samples_per_period, rate_hz }
     }
 
-    /// Whose code it is.
+    /// The satellite and signal of the code.
     pub fn transmission(&self) -> Transmission {
         self.transmission
     }
 
-    /// Distance of early and late from prompt, samples, nearest to `chips` that the table can give.
+    /// Distance of early and late from prompt, samples: the nearest to `chips` that the table can give.
     pub fn tap_distance(&self, chips: f64) -> f64 {
         self.steps(chips) as f64 / self.rows.len() as f64
     }
@@ -70,9 +70,9 @@ impl CodeTable {
         (samples * self.rows.len() as f64).round().max(1.0) as usize
     }
 
-    /// Replicas for the code period that starts at the fractional sample index `start` and lasts to
-    /// `end`, early and late `tap_chips` away from prompt. The table knows no Doppler of the code: replica
-    /// and period are aligned in their middles, where a Doppler of 30 kHz moves the ends by 0.01 chip.
+    /// Replicas for the code period from the fractional sample index `start` to `end`, early and late
+    /// `tap_chips` away from prompt. The table ignores the Doppler of the code: replica and period are
+    /// aligned in their middles, where a Doppler of 30 kHz shifts the ends by 0.01 chip.
     pub fn taps(&self, start: f64, end: f64, tap_chips: f64) -> Taps<'_> {
         let phases = self.rows.len();
         let first = start.ceil();
@@ -103,7 +103,7 @@ mod tests {
     use crate::gnss::signal;
 
     #[test]
-    fn taps_are_the_code_at_the_stated_offsets() {
+    fn taps_are_the_code_at_the_documented_offsets() {
         let transmission = signal::of("G07".parse().unwrap());
         let chips = transmission.code();
         let chip_rate = transmission.signal.chip_rate_hz;

@@ -1,4 +1,4 @@
-//! The correlation kernel, and its plain twin.
+//! The correlation kernel, and its scalar version.
 //!
 //! Work per sample and channel: three multiply-adds of `i16` pairs for each of I and Q; per pair of
 //! samples one carrier phasor (a recurrence in `f32`), two conversions and four fused multiply-adds
@@ -36,7 +36,7 @@ pub fn correlate(
     correlate_scalar(i, q, codes, phase, step)
 }
 
-/// The plain twin of [`correlate`]: one sample after the other, in double precision.
+/// Scalar version of [`correlate`]: one sample after the other, in double precision.
 pub fn correlate_scalar(
     i: &[i16],
     q: &[i16],
@@ -138,7 +138,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_vector_kernel_equals_its_scalar_twin(
+        fn the_vector_kernel_equals_its_scalar_version(
             samples in proptest::collection::vec((-3000i16..3000, -3000i16..3000), 0..3000),
             seed: u64, phase in -10.0f64..10.0, step in -0.004f64..0.004,
         ) {
@@ -169,7 +169,7 @@ mod tests {
         let (i, q): (Vec<i16>, Vec<i16>) =
             (0..4000).map(|n| (wave(n).re.round() as i16, wave(n).im.round() as i16)).unzip();
         let sums = correlate(&i, &q, [&code, &code, &code], phase, step);
-        // Full amplitude but for the pairing loss (2.6e-5) and rounding of samples (0.29/sqrt(4000)).
+        // Full amplitude except for the pairing loss (2.6e-5) and rounding of samples (0.29/sqrt(4000)).
         assert!(
             (sums[1].re / 4e6 - 1.0).abs() < 1e-4 && (sums[1].im / 4e6).abs() < 1e-4,
             "{}",

@@ -1,7 +1,7 @@
-//! Correlation of samples with a code replica and a carrier: the kernel that acquisition refines with
-//! and tracking runs on.
+//! Correlation of samples with a code replica and a carrier: the kernel used by the refinement of
+//! acquisitions and by tracking.
 //!
-//! Cost: one pass over the samples per satellite and code period, all three taps in it. Samples are
+//! Cost: one pass over the samples per satellite and code period, with all three taps. Samples are
 //! held as planar `i16` (4 bytes a complex sample, converted once and shared by all channels).
 
 mod buffer;

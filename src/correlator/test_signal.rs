@@ -1,4 +1,4 @@
-//! A plain signal generator for the unit tests of acquisition and tracking.
+//! A simple signal generator for the unit tests of acquisition and tracking.
 
 use crate::gnss::{Sv, signal};
 use num_complex::{Complex32, Complex64};
@@ -13,11 +13,11 @@ pub struct TestSignal {
     /// Start of the first code period after the first sample, s.
     pub delay_s: f64,
     pub cn0_dbhz: f64,
-    /// Fade that is reached, linearly in dB, after `fade_s` seconds.
+    /// Attenuation that is reached, linearly in dB, after `fade_s` seconds.
     pub fade_db: f64,
     pub fade_s: f64,
-    /// Code period (after the first sample) at which a data bit starts.
-    pub bit_edge: i64,
+    /// Code period (after the first sample) at which a data symbol starts.
+    pub symbol_edge: i64,
     pub seed: u64,
 }
 
@@ -37,7 +37,7 @@ impl TestSignal {
             let t = n as f64 / self.rate;
             let phase = (t - self.delay_s) * clock.chip_rate_hz;
             let chip = f64::from(chips[(phase.floor() as i64).rem_euclid(1023) as usize]);
-            let bit = ((phase / 1023.0).floor() as i64 - self.bit_edge).div_euclid(20);
+            let bit = ((phase / 1023.0).floor() as i64 - self.symbol_edge).div_euclid(20);
             let amplitude =
                 amplitude * 10f64.powf(-self.fade_db * (t / self.fade_s.max(1e-9)).min(1.0) / 20.0);
             let s = Complex64::cis(TAU * self.doppler * t) * amplitude * chip * data_bit(bit);

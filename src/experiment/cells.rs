@@ -129,7 +129,7 @@ pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
     let given = &given.noise;
     let share = if given.impulse_share > 0.0 { given.impulse_share } else { 0.1 };
     for ratio in [50.0, 1e3, 1e4] {
-        let law = Mixture { share, background: 1.0, impulse: ratio, real: false };
+        let law = Mixture { probability: share, background: 1.0, impulse: ratio, real: false };
         for (suppression, map) in [
             (Suppression::Off, Map::Linear),
             (Suppression::Sign, Map::Sign),

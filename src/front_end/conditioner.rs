@@ -1,4 +1,4 @@
-//! From the samples of the front end to complex baseband at the rate that the receiver works at.
+//! Conversion of the front end's samples to complex baseband at the receiver's processing rate.
 
 use super::Oscillator;
 use crate::capture::{Block, StreamInfo};
@@ -6,12 +6,12 @@ use multiversion::multiversion;
 use num_complex::Complex32;
 use std::f64::consts::PI;
 
-/// Half the filter's taps for each step of decimation.
+/// Half the number of filter taps per unit of the decimation factor.
 const TAPS_PER_STEP: usize = 4;
 /// Kaiser's beta for 50 dB of stop-band attenuation, 0.1102 (50 - 8.7) (Oppenheim and Schafer 7.75).
 const KAISER_BETA: f64 = 4.55;
 
-/// Real and imaginary parts apart, as the filter likes them.
+/// Real and imaginary parts in separate arrays, for vectorisation of the filter.
 #[derive(Clone, Debug, Default)]
 struct Parts {
     re: Vec<f32>,
@@ -20,11 +20,11 @@ struct Parts {
 
 /// Removes the intermediate frequency and, if asked, lowers the rate by an integer factor.
 ///
-/// Sample k of the output stands for the instant of input sample k x `decimation`: the filter is
-/// symmetric about it, so there is no delay to correct, and the first sample's time is unchanged.
-/// What lies before the stream counts as zero, so the first four output samples of a decimated
-/// stream are weaker; the last four instants of the input are not given. Blocks must come in order and
-/// without gaps. Cost: one complex product a sample, and 9 multiply-adds a sample to decimate.
+/// Output sample k corresponds to the instant of input sample k x `decimation`: the filter is symmetric about
+/// it, so there is no delay to correct, and the time of the first sample is unchanged. Input before the start
+/// of the stream is taken as zero, so the first four output samples of a decimated stream are attenuated;
+/// there is no output for the last four instants of the input. Blocks must come in order and without gaps.
+/// Cost: one complex product a sample, and 9 multiply-adds a sample to decimate.
 #[derive(Clone, Debug)]
 pub struct Conditioner {
     info: StreamInfo,
@@ -39,8 +39,8 @@ pub struct Conditioner {
 impl Conditioner {
     /// A conditioner of the stream that `info` describes; a `decimation` of 0 counts as 1.
     ///
-    /// The band kept flat (within 0.1 dB) is +-0.31 of the new rate, aliases from beyond +-0.69 of it
-    /// are 49 dB down.
+    /// The passband (within 0.1 dB) is +-0.31 of the new rate; aliases from beyond +-0.69 of it are
+    /// attenuated by 49 dB.
     pub fn new(info: &StreamInfo, decimation: usize) -> Self {
         let decimation = decimation.max(1);
         let taps = if decimation > 1 { low_pass(decimation) } else { Vec::new() };
@@ -64,7 +64,7 @@ impl Conditioner {
         }
     }
 
-    /// What is known of the output.
+    /// Stream information of the output.
     pub fn info(&self) -> &StreamInfo {
         &self.info
     }
@@ -74,7 +74,7 @@ impl Conditioner {
         self.decimation == 1 && self.oscillator.is_none()
     }
 
-    /// Conditions the next block of the input; `output` is resized to what comes of it.
+    /// Conditions the next block of the input; `output` is resized.
     pub fn process(&mut self, input: &Block, output: &mut Block) {
         if self.decimation == 1 {
             output.clone_from(input);
@@ -133,7 +133,7 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
-/// One output for each `step` inputs: the taps against the inputs from there on.
+/// One output per `step` inputs: the inner product of the taps and the inputs from there on.
 #[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
 fn decimate(input: &Parts, taps: &[f32], step: usize, output: &mut [Complex32]) {
     for (k, y) in output.iter_mut().enumerate() {
@@ -197,7 +197,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn decimation_equals_its_scalar_twin_however_the_stream_is_cut(
+        fn decimation_equals_its_scalar_version_for_any_block_lengths(
             values in prop::collection::vec((-100f32..100.0, -100f32..100.0), 1..400),
             step in 2usize..6,
             cuts in prop::collection::vec(0usize..90, 0..6),
@@ -223,17 +223,17 @@ mod tests {
     }
 
     #[test]
-    fn only_a_stream_at_zero_and_at_its_rate_is_left_as_it_is() {
+    fn only_baseband_at_the_same_rate_is_passed_unchanged() {
         assert!(Conditioner::new(&info(4e6, 0.0), 1).is_identity());
         assert!(!Conditioner::new(&info(4e6, 0.0), 2).is_identity());
         assert!(!Conditioner::new(&info(4e6, 1e6), 1).is_identity());
     }
 
     #[test]
-    fn a_real_carrier_comes_to_zero_with_its_phase_at_the_stated_instants() {
-        // cos(2 pi f t + 1) at the intermediate frequency, 20 MHz to 5 MHz: half its amplitude with
-        // phase 1 at every output instant; the image at 2 f = 10 MHz and back at 0 by aliasing is
-        // 49 dB down, and the offset of 500 Hz turns as stated.
+    fn a_real_carrier_is_mixed_to_baseband_with_its_phase_at_the_documented_instants() {
+        // cos(2 pi f t + 1) at the intermediate frequency, 20 MHz to 5 MHz: half its amplitude with phase 1
+        // at every output instant; the image at 2 f = 10 MHz, aliased to 0, is attenuated by 49 dB, and the
+        // offset of 500 Hz advances the phase.
         let (rate, if_hz, offset) = (20e6, 5.0e6 + 445.88, 500.0);
         let phase = |n: usize| 2.0 * PI * (if_hz + offset) * n as f64 / rate + 1.0;
         let samples: Vec<Complex32> =
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_keeps_the_stated_band_and_stops_the_stated_aliases() {
+    fn the_filter_has_the_documented_passband_and_alias_attenuation() {
         for step in [2, 4, 5, 10] {
             let taps = low_pass(step);
             let gain = |new_rates: f64| {

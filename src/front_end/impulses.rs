@@ -1,8 +1,8 @@
-//! Impulsive noise suppressed: its law estimated from the samples, then the map that suits it.
+//! Suppression of impulsive noise: its distribution is estimated from the samples, and a map chosen for it.
 //!
-//! Satellites lie 15 to 25 dB under the noise of a sample, so what a memoryless map does to them is what it
-//! does to a weak signal: see [`Map`]. The map works on the samples as the converter gives them, for a
-//! filter would smear the impulses.
+//! Satellites lie 15 to 25 dB under the noise of a sample, so the effect of a memoryless map on them is that
+//! on a weak signal: see [`Map`]. The map works on the samples as the converter gives them, since a filter
+//! would smear the impulses.
 
 use super::efficacy::{Effect, Map};
 use super::mixture::{BINS, Mixture, PowerHistogram, bin, middle};
@@ -14,42 +14,42 @@ use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples that a first look takes from a block, in so many places.
-const LOOK: usize = 1024;
-const PLACES: usize = 16;
-/// Powers (bins of a sixteenth of an octave) that the look must show, or the converter is coarse: one and two
-/// bits a rail show at most 3, three bits 9, and four bits of real samples 8.
-const LEAST_POWERS: usize = 16;
-/// Samples that an estimate needs; of shorter blocks the last estimate holds.
-const LEAST_SAMPLES: f64 = 1000.0;
-/// Noise is Gaussian unless its excess passes so many standard deviations: six, for the fourth moment of some
-/// thousand samples has a long tail, ...
-const LEAST_EXCESS: f64 = 6.0;
-/// ... and a map gains more than this, dB. (An excess of c in E\[p^2\] gains 2 c^2: six deviations of 10^4
-/// samples make 0.03 dB, of 10^5 a tenth of that.)
-const LEAST_GAIN_DB: f64 = 0.1;
+/// Samples taken from a block for a first test, and the number of segments that they are taken from.
+const FIRST_SAMPLES: usize = 1024;
+const SEGMENTS: usize = 16;
+/// Minimum number of distinct powers (bins of a sixteenth of an octave) in the first test; fewer mean a
+/// coarse converter: one and two bits a rail show at most 3, three bits 9, and four bits of real samples 8.
+const MIN_POWERS: usize = 16;
+/// Minimum number of samples for an estimate; for shorter blocks the last estimate holds.
+const MIN_SAMPLES: f64 = 1000.0;
+/// Noise is taken as Gaussian unless its excess passes so many standard deviations: six, since the fourth
+/// moment of some thousand samples has a long tail, ...
+const MIN_EXCESS: f64 = 6.0;
+/// ... and a map gains more than this, dB. (An excess of c in E\[p^2\] gains 2 c^2: six standard deviations
+/// of 10^4 samples make 0.03 dB, of 10^5 a tenth of that.)
+const MIN_GAIN_DB: f64 = 0.1;
 
-/// What is to be done about impulses. Thresholds are in standard deviations of the background.
+/// Treatment of impulses. Thresholds are in standard deviations of the background.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Suppression {
     /// The locally optimum map where the noise is not Gaussian; nothing where it is, nor to the samples of a
     /// coarse converter.
     #[default]
     Auto,
-    /// Nothing.
+    /// No suppression.
     Off,
     /// The locally optimum map of the mixture estimated.
     Optimal,
-    /// Samples above the threshold become zero.
+    /// Blanking: samples above the threshold become zero.
     Blank(f64),
-    /// Samples above the threshold keep their phase, and its magnitude.
+    /// Clipping: samples above the threshold keep their phase, and its magnitude.
     Clip(f64),
-    /// Samples keep their phase alone.
+    /// Hard limiting: samples keep their phase alone.
     Sign,
 }
 
 impl Suppression {
-    /// The map, where there is one.
+    /// The map; `None` without suppression.
     fn map(self) -> Option<Map> {
         match self {
             Self::Off => None,
@@ -102,29 +102,30 @@ impl FromStr for Suppression {
     }
 }
 
-/// What was found and done over a stream.
+/// Impulsive noise found in a stream, and its suppression.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImpulseReport {
-    /// The suppression that acted.
+    /// The suppression in effect.
     pub suppression: String,
-    /// Share of the samples, of all channels, that it acted on; the rest was judged Gaussian, or coarse.
+    /// Fraction of the samples, of all channels, that were mapped; the rest was judged Gaussian, or coarse.
     pub treated: f64,
-    /// Mean share of impulses in them.
-    pub impulse_share: f64,
+    /// Mean probability of an impulse in them.
+    #[serde(rename = "impulse_share")]
+    pub impulse_probability: f64,
     /// Variance of impulses over that of the background (geometric mean).
     pub variance_ratio: f64,
-    /// Loss of C/N0 against the background alone that the samples as they came would mean, dB.
+    /// Loss of C/N0 against the background alone without suppression, dB.
     pub untreated_loss_db: f64,
-    /// The same of the samples as treated, dB.
+    /// Loss of C/N0 against the background alone with suppression, dB.
     pub loss_db: f64,
 }
 
 /// Estimates the noise of each channel, block by block, and maps its samples.
 ///
-/// The wanted signals keep their level whatever is done (the map's gain for weak signals is 1), so that
-/// neither the channels of an array nor blocks treated and untreated differ in gain. Cost for each sample: the
-/// histogram reads it once; the map reads it once more, looks up one weight, and writes it. Coarse samples
-/// cost a look at one in hundreds. Nothing is allocated once the number of channels is known.
+/// Signals keep their level (the map's gain for weak signals is 1), so that neither the channels of an array
+/// nor mapped and unmapped blocks differ in gain. Cost for each sample: the histogram reads it once; the map
+/// reads it once more, looks up one weight, and writes it. Of coarse samples only one in hundreds is read.
+/// Nothing is allocated once the number of channels is known.
 #[derive(Clone, Debug)]
 pub struct ImpulseSuppressor {
     suppression: Suppression,
@@ -134,10 +135,10 @@ pub struct ImpulseSuppressor {
 
 #[derive(Clone, Debug)]
 struct Channel {
-    /// Power of two that brings samples near 1.
+    /// Power of two that scales samples to about 1.
     scale: f32,
-    /// The noise of scaled samples, where a map is in force.
-    law: Option<Mixture>,
+    /// The noise of scaled samples, where a map is in effect.
+    noise: Option<Mixture>,
     /// Weight by bin of scaled power.
     weights: Box<[f32; BINS]>,
     powers: PowerHistogram,
@@ -149,7 +150,7 @@ struct Channel {
 struct Sums {
     seen: f64,
     treated: f64,
-    share: f64,
+    probability: f64,
     log_ratio: f64,
 }
 
@@ -158,7 +159,7 @@ impl ImpulseSuppressor {
     pub fn new(suppression: Suppression, info: &StreamInfo) -> Self {
         let channel = Channel {
             scale: 1.0,
-            law: None,
+            noise: None,
             weights: Box::new([1.0; BINS]),
             powers: PowerHistogram::default(),
             sums: Sums::default(),
@@ -166,8 +167,8 @@ impl ImpulseSuppressor {
         Self { suppression, real: info.real, channels: vec![channel; info.channels] }
     }
 
-    /// Estimates the noise of each channel of a block, and maps its samples. Channels beyond the stream's stay
-    /// as they are.
+    /// Estimates the noise of each channel of a block, and maps its samples. Channels beyond the stream's are
+    /// unchanged.
     pub fn process(&mut self, block: &mut Block) {
         let Self { suppression, real, channels } = self;
         if let Some(map) = suppression.map() {
@@ -178,8 +179,8 @@ impl ImpulseSuppressor {
         }
     }
 
-    /// Estimates the noise of a channel from these samples; the estimate holds until the next. Gives the law
-    /// where a map is in force.
+    /// Estimates the noise of a channel from these samples; the estimate holds until the next. Returns the
+    /// distribution where a map is in effect.
     ///
     /// # Panics
     /// When there is no such channel.
@@ -187,7 +188,7 @@ impl ImpulseSuppressor {
         let map = self.suppression.map()?;
         let state = &mut self.channels[channel];
         state.estimate(map, self.suppression != Suppression::Auto, self.real, samples);
-        state.law.map(|law| law.scaled(f64::from(state.scale).powi(-2)))
+        state.noise.map(|noise| noise.scaled(f64::from(state.scale).powi(-2)))
     }
 
     /// Maps samples of a channel by its last estimate.
@@ -198,13 +199,13 @@ impl ImpulseSuppressor {
         self.channels[channel].apply(samples);
     }
 
-    /// The weights that [`Self::apply`] would multiply samples by: all 1 where no map is in force.
+    /// The weights that [`Self::apply`] would multiply samples by: all 1 where no map is in effect.
     ///
     /// # Panics
     /// When there is no such channel.
     pub fn weights(&self, channel: usize, samples: &[Complex32], out: &mut [f32]) {
-        let Channel { scale, law, weights, .. } = &self.channels[channel];
-        if law.is_some() {
+        let Channel { scale, noise, weights, .. } = &self.channels[channel];
+        if noise.is_some() {
             let weight = |z: &Complex32| weights[bin((z * *scale).norm_sqr())];
             out.iter_mut().zip(samples).for_each(|(w, z)| *w = weight(z));
         } else {
@@ -212,7 +213,7 @@ impl ImpulseSuppressor {
         }
     }
 
-    /// What was found and done so far; `None` where nothing was.
+    /// The report on the stream so far; `None` where nothing was mapped.
     pub fn report(&self) -> Option<ImpulseReport> {
         let map = self.suppression.map()?;
         let total = |f: fn(&Sums) -> f64| self.channels.iter().map(|c| f(&c.sums)).sum::<f64>();
@@ -220,9 +221,9 @@ impl ImpulseSuppressor {
         if treated == 0.0 {
             return None;
         }
-        let (share, ratio) =
-            (total(|s| s.share) / treated, (total(|s| s.log_ratio) / treated).exp());
-        let law = Mixture { share, background: 1.0, impulse: ratio, real: self.real };
+        let (probability, ratio) =
+            (total(|s| s.probability) / treated, (total(|s| s.log_ratio) / treated).exp());
+        let noise = Mixture { probability, background: 1.0, impulse: ratio, real: self.real };
         Some(ImpulseReport {
             suppression: match self.suppression {
                 Suppression::Auto => Suppression::Optimal,
@@ -230,34 +231,34 @@ impl ImpulseSuppressor {
             }
             .to_string(),
             treated: treated / total(|s| s.seen),
-            impulse_share: share,
+            impulse_probability: probability,
             variance_ratio: ratio,
-            untreated_loss_db: Map::Linear.loss_db(&law),
-            loss_db: map.loss_db(&law),
+            untreated_loss_db: Map::Linear.loss_db(&noise),
+            loss_db: map.loss_db(&noise),
         })
     }
 }
 
 impl Channel {
-    /// `forced`: a law is wanted whatever the noise.
+    /// `forced`: the distribution is estimated even if the noise is Gaussian.
     fn estimate(&mut self, map: Map, forced: bool, real: bool, samples: &[Complex32]) {
-        let places = || samples.chunks(samples.len().div_ceil(PLACES).max(1));
-        let looked = || places().flat_map(|place| place.iter().take(LOOK / PLACES));
-        let scale = scale(looked()).or_else(|| scale(samples.iter()));
+        let segments = || samples.chunks(samples.len().div_ceil(SEGMENTS).max(1));
+        let first = || segments().flat_map(|segment| segment.iter().take(FIRST_SAMPLES / SEGMENTS));
+        let scale = scale(first()).or_else(|| scale(samples.iter()));
         let Some(scale) = scale else { return };
         self.powers.clear();
-        looked().for_each(|z| self.powers.add((z * scale).norm_sqr()));
-        if !forced && samples.len() >= LOOK && self.powers.distinct() < LEAST_POWERS {
-            self.law = None;
+        first().for_each(|z| self.powers.add((z * scale).norm_sqr()));
+        if !forced && samples.len() >= FIRST_SAMPLES && self.powers.distinct() < MIN_POWERS {
+            self.noise = None;
             return;
         }
         self.powers.clear();
         self.powers.add_samples(samples, scale);
-        if self.powers.total() >= LEAST_SAMPLES {
+        if self.powers.total() >= MIN_SAMPLES {
             self.scale = scale;
-            self.law = law(&self.powers, forced, real);
-            if let Some(law) = &self.law {
-                tabulate(map, law, &mut self.weights);
+            self.noise = distribution(&self.powers, forced, real);
+            if let Some(noise) = &self.noise {
+                tabulate(map, noise, &mut self.weights);
             }
         }
     }
@@ -265,44 +266,44 @@ impl Channel {
     fn apply(&mut self, samples: &mut [Complex32]) {
         let n = samples.len() as f64;
         self.sums.seen += n;
-        if let Some(law) = &self.law {
+        if let Some(noise) = &self.noise {
             self.sums.treated += n;
-            self.sums.share += n * law.share;
-            self.sums.log_ratio += n * (law.impulse / law.background).ln();
+            self.sums.probability += n * noise.probability;
+            self.sums.log_ratio += n * (noise.impulse / noise.background).ln();
             multiply(samples, self.scale, &self.weights);
         }
     }
 }
 
-/// The law of the powers counted, where it is to be mapped.
-fn law(powers: &PowerHistogram, forced: bool, real: bool) -> Option<Mixture> {
-    if powers.excess(real) > LEAST_EXCESS {
-        let law = Mixture::fit(powers, real)?;
-        let gain_db = Map::Linear.loss_db(&law) - Map::Optimal.loss_db(&law);
-        if gain_db > LEAST_GAIN_DB {
-            return Some(law);
+/// The distribution of the powers counted, where it is to be mapped.
+fn distribution(powers: &PowerHistogram, forced: bool, real: bool) -> Option<Mixture> {
+    if powers.excess(real) > MIN_EXCESS {
+        let noise = Mixture::fit(powers, real)?;
+        let gain_db = Map::Linear.loss_db(&noise) - Map::Optimal.loss_db(&noise);
+        if gain_db > MIN_GAIN_DB {
+            return Some(noise);
         }
     }
     forced.then(|| Mixture::gaussian(powers.mean(), real))
 }
 
-/// The power of two that brings the greatest number of some samples to 1 to 2; `None` of zeros.
+/// The power of two that scales the largest magnitude of I and Q to 1 to 2; `None` of zeros.
 fn scale<'a>(samples: impl Iterator<Item = &'a Complex32>) -> Option<f32> {
     let finite = samples.flat_map(|z| [z.re.abs(), z.im.abs()]).filter(|x| x.is_finite());
     let peak = finite.fold(0f32, f32::max);
     (peak > 0.0).then(|| 2f32.powi(-(f64::from(peak).log2().floor().clamp(-126.0, 126.0) as i32)))
 }
 
-/// Tabulates a map of unit gain for weak signals. Powers that are not finite weigh nothing.
-fn tabulate(map: Map, law: &Mixture, weights: &mut [f32; BINS]) {
-    let Effect { signal, .. } = map.effect(law);
+/// Tabulates a map of unit gain for weak signals. Powers that are not finite get no weight.
+fn tabulate(map: Map, noise: &Mixture, weights: &mut [f32; BINS]) {
+    let Effect { signal, .. } = map.effect(noise);
     for (k, weight) in weights.iter_mut().enumerate() {
         let power = middle(k);
-        *weight = if power.is_finite() { (map.weight(law, power) / signal) as f32 } else { 0.0 };
+        *weight = if power.is_finite() { (map.weight(noise, power) / signal) as f32 } else { 0.0 };
     }
 }
 
-/// One pass: 8 bytes read and written a sample, and a weight looked up in 16 KiB.
+/// One pass: 8 bytes read and written a sample, and a weight first up in 16 KiB.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "x86_64+avx2+fma",
@@ -312,7 +313,7 @@ fn multiply(samples: &mut [Complex32], scale: f32, weights: &[f32; BINS]) {
     for z in samples {
         let (re, im) = (z.re * scale, z.im * scale);
         let weight = weights[bin(re * re + im * im)];
-        // What is not finite becomes zero as well.
+        // Values that are not finite become zero as well.
         z.re = if weight == 0.0 { 0.0 } else { z.re * weight };
         z.im = if weight == 0.0 { 0.0 } else { z.im * weight };
     }

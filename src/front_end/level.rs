@@ -1,15 +1,15 @@
-//! The level of the samples: what tells a healthy front end, and a wrong sample type.
+//! Statistics of the samples, which show a faulty front end or a wrong sample type.
 
 use num_complex::{Complex32, Complex64};
 use serde::Serialize;
 
-/// Most distinct values that are counted one by one.
+/// Maximum number of distinct values that are counted one by one.
 const MAX_LEVELS: usize = 16;
 
 /// Statistics of the samples of one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Level {
-    /// Samples seen.
+    /// Number of samples.
     pub samples: u64,
     /// Mean of I (the offset of a converter).
     pub mean_i: f64,
@@ -17,10 +17,10 @@ pub struct Level {
     pub mean_q: f64,
     /// Root mean square of the samples about their mean.
     pub rms: f64,
-    /// Greatest magnitude of a number (I or Q).
+    /// Maximum magnitude of I or Q.
     pub peak: f64,
-    /// Share of the numbers that have the greatest magnitude: above 1 % a converter of many levels
-    /// clips.
+    /// Fraction of the numbers (I and Q) that have the maximum magnitude: above 1 % a converter of many
+    /// levels clips.
     pub at_peak: f64,
     /// Mean square of I over that of Q about their means, dB; 0 is right. Absent for real samples.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -31,12 +31,12 @@ pub struct Level {
     /// Fourth moment of the numbers over the squared second: 3 for Gaussian noise, 1.8 for uniform,
     /// 1 for two values, more than 3 for impulses.
     pub kurtosis: f64,
-    /// Values with their shares, where there are at most 16.
+    /// Values with their frequencies (fractions of all numbers), where there are at most 16.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<(f32, f64)>>,
 }
 
-/// Gathers the [`Level`] of a channel, slice by slice.
+/// Accumulates the [`Level`] of a channel, slice by slice.
 #[derive(Clone, Debug, Default)]
 pub struct LevelMeter {
     samples: u64,
@@ -106,13 +106,13 @@ impl LevelMeter {
         let fourth: f64 = central_fourth[..parts].iter().sum::<f64>() / parts as f64;
         let second = power / parts as f64;
         let numbers = n * parts as f64;
-        // The zeros that stand for Q of real samples are no values.
+        // The zeros in place of Q of real samples are not counted.
         let zero_q = if real { self.samples } else { 0 };
-        let share = |&(value, count): &(f32, u64)| {
+        let frequency = |&(value, count): &(f32, u64)| {
             let count = if value == 0.0 { count - zero_q } else { count };
             (count > 0).then_some((value, count as f64 / numbers))
         };
-        let mut values: Vec<(f32, f64)> = self.values.iter().filter_map(share).collect();
+        let mut values: Vec<(f32, f64)> = self.values.iter().filter_map(frequency).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
         Some(Level {
             samples: self.samples,
@@ -134,17 +134,17 @@ impl LevelMeter {
 }
 
 impl Level {
-    /// What is odd in this level for samples that are mostly thermal noise, as those of a GNSS front
-    /// end are, and what may be the cause.
-    pub fn doubts(&self) -> Vec<String> {
+    /// Properties of this level that do not fit thermal noise, which dominates the samples of a GNSS front
+    /// end, and their possible causes.
+    pub fn warnings(&self) -> Vec<String> {
         let Self { rms, peak, kurtosis, .. } = *self;
         let varies = rms > 0.0;
         let offset = self.mean_i.hypot(self.mean_q);
         let gain = self.iq_gain_db.unwrap_or(0.0);
         let magnitudes = self.values.iter().flatten().map(|(value, _)| f64::from(value.abs()));
-        let least = magnitudes.fold(f64::INFINITY, f64::min);
+        let lowest = magnitudes.fold(f64::INFINITY, f64::min);
         let many_levels = self.values.as_ref().is_none_or(|v| v.len() > 8);
-        let doubts = [
+        let warnings = [
             (rms == 0.0, "all samples are equal: there is no signal in them".to_owned()),
             (
                 varies && offset > 0.7 * rms,
@@ -162,13 +162,13 @@ impl Level {
             ),
             // The levels of a coarse converter, symmetric about 0, have a ratio of 1 to 3 at least.
             (
-                least > 0.6 * peak && least < peak,
+                lowest > 0.6 * peak && lowest < peak,
                 format!(
-                    "all numbers lie between {least} and {peak} in magnitude, none near 0: the sample \
+                    "all numbers lie between {lowest} and {peak} in magnitude, none near 0: the sample \
                      type may be wrong (signed for unsigned)"
                 ),
             ),
-            // Uniformly spread numbers have 1.8.
+            // Uniformly distributed numbers have 1.8.
             (
                 varies && many_levels && kurtosis < 1.7,
                 format!(
@@ -180,12 +180,12 @@ impl Level {
             (
                 kurtosis > 1e3 || !rms.is_finite() || peak > 1e12,
                 format!(
-                    "the numbers span an absurd range (peak {peak:.3e}, rms {rms:.3e}): integers may \
+                    "the numbers span an impossible range (peak {peak:.3e}, rms {rms:.3e}): integers may \
                      have been read as floating-point numbers"
                 ),
             ),
         ];
-        doubts.into_iter().filter_map(|(is, text)| is.then_some(text)).collect()
+        warnings.into_iter().filter_map(|(is, text)| is.then_some(text)).collect()
     }
 }
 
@@ -220,11 +220,11 @@ mod tests {
         assert!(l.iq_gain_db.unwrap().abs() < 5.0 * 4.343 * 2.0 / root);
         assert!(l.iq_phase_deg.unwrap().abs() < (5.0 / root).to_degrees());
         assert_eq!(l.values, None);
-        assert!(l.doubts().is_empty());
+        assert!(l.warnings().is_empty());
     }
 
     #[test]
-    fn wrong_sample_types_raise_doubts() {
+    fn wrong_sample_types_give_warnings() {
         let integers: Vec<i8> = noise(50_000, 20.0)
             .iter()
             .flat_map(|x| [x.re.round() as i8, x.im.round() as i8])
@@ -232,20 +232,20 @@ mod tests {
         let pairs = |f: &dyn Fn(i8) -> f32| -> Vec<Complex32> {
             integers.chunks(2).map(|c| Complex32::new(f(c[0]), f(c[1]))).collect()
         };
-        assert!(level(&pairs(&|v| f32::from(v))).doubts().is_empty());
+        assert!(level(&pairs(&|v| f32::from(v))).warnings().is_empty());
         // cs8 read as cu8: small numbers go to both ends.
-        assert!(!level(&pairs(&|v| f32::from(v as u8) - 127.5)).doubts().is_empty());
+        assert!(!level(&pairs(&|v| f32::from(v as u8) - 127.5)).warnings().is_empty());
         // A few levels of a coarse converter, likewise.
         let coarse = |v: i8| f32::from((if v < 0 { 2 * v.signum() + 1 } else { 3 }) as u8) - 127.5;
-        assert!(!level(&pairs(&coarse)).doubts().is_empty());
+        assert!(!level(&pairs(&coarse)).warnings().is_empty());
         // cs16 read as cs8: low bytes in I, high bytes in Q.
         let halves: Vec<Complex32> = integers
             .iter()
             .map(|&v| (i16::from(v) * 9).to_le_bytes())
             .map(|[low, high]| Complex32::new(f32::from(low as i8), f32::from(high as i8)))
             .collect();
-        assert!(!level(&halves).doubts().is_empty());
-        assert!(!level(&[Complex32::ONE; 10]).doubts().is_empty());
+        assert!(!level(&halves).warnings().is_empty());
+        assert!(!level(&[Complex32::ONE; 10]).warnings().is_empty());
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Conditioning: impulses suppressed, the intermediate frequency removed, the rate lowered, and the level measured.
+//! Front-end processing: impulse suppression, removal of the intermediate frequency, decimation, and level
+//! statistics.
 
 mod conditioner;
 mod efficacy;

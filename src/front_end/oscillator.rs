@@ -4,14 +4,14 @@ use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use std::f64::consts::TAU;
 
-/// Samples between two phases that are computed anew in double precision.
+/// Samples between two phases computed in double precision.
 const ANCHOR: usize = 256;
 
-/// Turns samples by exp(-j 2 pi f n / rate), n counted from the start of the stream.
+/// Multiplies samples by exp(-j 2 pi f n / rate), n counted from the start of the stream.
 ///
-/// The phase is kept in units of 2^-64 cycles and multiplied by n exactly (modulo one cycle), so that
-/// it neither drifts nor depends on how the stream is cut into blocks. Within 256 samples it comes
-/// from a table: each phasor is good to the rounding of two `f32` factors.
+/// The phase is kept in units of 2^-64 cycles and multiplied by n exactly (modulo one cycle), so that it
+/// neither drifts nor depends on the lengths of blocks. Within 256 samples it comes from a table: each phasor
+/// is accurate to the rounding of two `f32` factors.
 #[derive(Clone, Debug)]
 pub struct Oscillator {
     step: u64,
@@ -32,7 +32,7 @@ impl Oscillator {
         phasor(self.step, n)
     }
 
-    /// Turns `samples`, of which the first has index `first`, in place.
+    /// Mixes `samples`, of which the first has index `first`, in place.
     pub fn mix(&self, first: u64, samples: &mut [Complex32]) {
         let mut n = first;
         for run in samples.chunks_mut(ANCHOR) {
@@ -67,7 +67,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn blocks_and_the_scalar_twin_agree(
+        fn blocks_and_the_scalar_version_agree(
             if_hz in -1e7f64..1e7,
             first in 0u64..1_000_000_000_000,
             len in 1usize..1500,
@@ -85,7 +85,7 @@ mod tests {
             let bound = 6.0 * 2f64.powi(-24) * 2.0 * 10f64.sqrt();
             for (k, (&w, &p)) in whole.iter().zip(&parts).enumerate() {
                 let n = first + k as u64;
-                // The plain way: the fraction of n f / rate, in 128-bit integers.
+                // The direct way: the fraction of n f / rate, in 128-bit integers.
                 let step = ((if_hz / 20e6).rem_euclid(1.0) * 2f64.powi(64)) as u128;
                 let cycles = (step * u128::from(n) % (1 << 64)) as f64 / 2f64.powi(64);
                 let exact = Complex64::new(3.0, -1.0) * Complex64::cis(-TAU * cycles);
@@ -98,9 +98,9 @@ mod tests {
     }
 
     #[test]
-    fn the_frequency_is_held_for_days() {
-        // At n = rate x 1 day an integer number of Hz has turned a whole number of cycles; the step
-        // is good to 2^-53 of itself, so the phase to 2^-53 of the 2.16e11 cycles turned.
+    fn the_frequency_is_accurate_over_days() {
+        // At n = rate x 1 day an integer number of Hz has advanced by a whole number of cycles; the step is
+        // accurate to 2^-53 of itself, so the phase to 2^-53 of the 2.16e11 cycles.
         let oscillator = Oscillator::new(2.5e6, 20e6);
         let day = 20_000_000 * 86_400;
         assert!(oscillator.at(day).arg().abs() < TAU * 2.16e11 * 2f64.powi(-53));

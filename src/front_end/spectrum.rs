@@ -37,13 +37,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tone_shows_at_its_frequency_with_the_power_of_the_window() {
+    fn a_tone_appears_at_its_frequency_with_the_power_of_the_window() {
         let tone: Vec<Complex32> =
             (0..4096).map(|n| Complex32::cis((TAU * 5.0 / 64.0 * n as f64) as f32)).collect();
         let spectrum = power_spectrum(&tone, 64);
-        let greatest = (0..64).max_by(|a, b| spectrum[*a].total_cmp(&spectrum[*b]));
-        assert_eq!(greatest, Some(32 + 5));
-        // (sum w)^2 / sum w^2 = N (1/2)^2 / (3/8) for Hann; f32 phases are good to 1e-4 here.
+        let largest = (0..64).max_by(|a, b| spectrum[*a].total_cmp(&spectrum[*b]));
+        assert_eq!(largest, Some(32 + 5));
+        // (sum w)^2 / sum w^2 = N (1/2)^2 / (3/8) for Hann; f32 phases are accurate to 1e-4 here.
         assert!((spectrum[37] - 64.0 * 0.25 / 0.375).abs() < 0.01);
         assert!(power_spectrum(&tone[..10], 64).is_empty());
     }

@@ -1,6 +1,6 @@
 //! What a receiver tells while samples stream through it.
 
-use crate::acquisition::{Refined, Slip};
+use crate::acquisition::{MissingSamples, Refined};
 use crate::array::{Bearing, Jammer, SkyEpoch};
 use crate::capture::Note;
 use crate::gnss::Sv;
@@ -68,7 +68,7 @@ pub enum Notice {
     /// The code phases of all satellites jump within the first second.
     Slip {
         /// The jump.
-        slip: Slip,
+        slip: MissingSamples,
         /// Samples a second.
         rate_hz: f64,
     },

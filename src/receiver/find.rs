@@ -3,7 +3,8 @@
 use super::CHUNK_S;
 use super::spatial::head_covariance;
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, remove_shadows,
+    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan,
+    remove_cross_correlations,
 };
 use crate::array::code_periods::despread;
 use crate::array::sky::interference::Interference;
@@ -93,7 +94,7 @@ pub(super) fn search(
     let mut found = plan.search_channels(&channels)?;
     found.extend(known);
     let looks = count * plan.windows(block.len());
-    remove_shadows(&mut found, options.coherent_ms, looks);
+    remove_cross_correlations(&mut found, options.coherent_ms, looks);
     Ok(found)
 }
 

@@ -8,7 +8,7 @@ use super::stages::Stages;
 use super::survey::survey;
 use super::{ReceiverError, ReceiverOptions, Tell};
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, SearchOptions, find_slip, is_mirrored,
+    Acquisition, AcquisitionError, Refined, SearchOptions, find_missing_samples, is_mirrored,
 };
 use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
@@ -156,7 +156,7 @@ pub(super) fn acquire_head(
         tell(Event::Notice(Notice::Mirrored));
     } else {
         let mut end = refine;
-        if let Some(slip) = find_slip(head.block.channel(0), rate_hz, &cells) {
+        if let Some(slip) = find_missing_samples(head.block.channel(0), rate_hz, &cells) {
             tell(Event::Notice(Notice::Slip { slip, rate_hz }));
             end = end.min(slip.after);
         }

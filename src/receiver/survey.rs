@@ -53,7 +53,7 @@ pub(super) fn survey(
     let (low, high) = options.search.doppler_hz;
     let asked = CodePeriodOptions {
         satellites: options.search.satellites.clone(),
-        most_doppler_hz: low.abs().max(high.abs()),
+        max_doppler_hz: low.abs().max(high.abs()),
         ..CodePeriodOptions::new(elements, periods)
     };
     let nulled = interference.map_or(0, Interference::count);

@@ -43,7 +43,7 @@ pub fn noise_line(run: &Run) -> String {
         };
         format!(
             "\n  noise       impulsive{part}: {:.2} % at {:.3e} times the background's power; suppressed ({}), which costs {:.2} dB instead of {:.1} dB\n",
-            100.0 * noise.impulse_share,
+            100.0 * noise.impulse_probability,
             noise.variance_ratio,
             noise.suppression,
             noise.loss_db,

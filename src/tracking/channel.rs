@@ -1,4 +1,4 @@
-//! One satellite followed through the stream.
+//! Tracking of one satellite through the stream.
 
 use super::discriminators::{costas_cycles, frequency_hz, lateness_chips};
 use super::lock::{LockDetector, LockState};
@@ -11,17 +11,17 @@ use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::signal::{CodeClock, SymbolTiming};
 use num_complex::Complex64;
 
-/// Frequency error beyond which a certain one is a false lock and no dynamics, in the distance of false locks,
-/// half the rate of the symbols: 8 of 25 Hz with symbols of 20 ms.
+/// Frequency error from which a reliably measured one is a false lock and not dynamics, as a fraction of the
+/// distance of false locks, half the symbol rate: 8 of 25 Hz with symbols of 20 ms.
 const FALSE_LOCK: f64 = 0.32;
 
-/// Seconds for which the loops stay wide after a start.
+/// Time for which the loops stay wide after a start, s.
 const SETTLING_S: f64 = 1.0;
 
 /// Bandwidths and integration times of the loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackingOptions {
-    /// Coherent integration once the symbol edge is known, ms: a divisor of a symbol, and not more than one.
+    /// Coherent integration once the symbol edge is known, ms: a divisor of a symbol, and at most one symbol.
     pub coherent_ms: usize,
     /// Noise bandwidth of the phase-locked loop, Hz (lowered to 0.15 / coherent time where that is less).
     pub pll_hz: f64,
@@ -40,12 +40,12 @@ impl Default for TrackingOptions {
     }
 }
 
-/// Where a track starts.
+/// Start of a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackStart {
     /// Stream index of the sample that the acquisition's code phase refers to.
     pub sample: u64,
-    /// What was acquired, the Doppler as it is at that sample.
+    /// The acquisition, with the Doppler at that sample.
     pub acquisition: Acquisition,
     /// Rate of the Doppler, Hz/s.
     pub doppler_rate_hz_s: f64,
@@ -85,7 +85,7 @@ pub struct Epoch {
     pub prompt: Complex64,
 }
 
-/// How good a channel's measurements are.
+/// Precision of a channel's measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// C/N0 over the last second, dB-Hz; none in the first 0.2 s.
@@ -115,11 +115,11 @@ pub struct Channel {
     symbols: SymbolSynchroniser,
 }
 
-/// What has been summed since the last update of the loops.
+/// Sums since the last update of the loops.
 #[derive(Clone, Copy, Debug, Default)]
 struct Interval {
     taps: [Complex64; 3],
-    /// Sum of the replicas' offsets from where the loop wanted them, samples.
+    /// Sum of the replicas' offsets from the code phase set by the loop, samples.
     offset: f64,
     periods: usize,
 }
@@ -148,7 +148,7 @@ impl Channel {
         }
     }
 
-    /// What is tracked.
+    /// The satellite and signal tracked.
     pub fn transmission(&self) -> Transmission {
         self.table.transmission()
     }
@@ -162,7 +162,7 @@ impl Channel {
         &self.table
     }
 
-    /// What the lock detector says.
+    /// State of the lock detector.
     pub fn lock(&self) -> LockState {
         self.lock.state()
     }
@@ -172,13 +172,13 @@ impl Channel {
         self.lock.cn0_dbhz()
     }
 
-    /// Doppler now, Hz: the loop filter's is that of the middle of the interval under way.
+    /// Current Doppler, Hz: the loop filter's is that of the middle of the current interval.
     pub fn doppler_hz(&self) -> f64 {
         let from_middle = self.interval.periods as f64 - 0.5 * self.interval_periods() as f64;
         self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * self.timing().period_s
     }
 
-    /// How good the measurements are now.
+    /// Current precision of the measurements.
     pub fn quality(&self) -> Quality {
         Quality {
             cn0_dbhz: self.cn0_dbhz(),
@@ -209,8 +209,8 @@ impl Channel {
         (0.711 * w.powi(3) / (2.0 * cn0) * squaring).sqrt() / std::f64::consts::TAU
     }
 
-    /// Follows the signal through all code periods that `samples` holds whole: appends an epoch for each
-    /// and the symbols they complete. Work: one pass over the samples.
+    /// Tracks the signal through all whole code periods of `samples`: appends an epoch for each and the
+    /// symbols they complete. Cost: one pass over the samples.
     pub fn process(
         &mut self,
         samples: &SampleBuffer,
@@ -245,12 +245,12 @@ impl Channel {
         }
     }
 
-    /// Accounts for one code period and closes the loops where an interval ends.
+    /// Accumulates one code period and closes the loops where an interval ends.
     fn advance(&mut self, sums: [Complex64; 3], offset: f64, symbols: &mut Vec<Symbol>) {
-        // By the edge as it was known during the period.
-        let places = [0, 1].map(|k| self.symbols.place(self.period + k));
+        // Positions by the edge as it was known during the period.
+        let positions = [0, 1].map(|k| self.symbols.position(self.period + k));
         let coherent = self.coherent_periods() as u64;
-        let false_lock = self.lock.push(sums[1], places[0]);
+        let false_lock = self.lock.push(sums[1], positions[0]);
         self.symbols.push(self.period, sums[1], symbols);
         self.period += 1;
         for (sum, new) in self.interval.taps.iter_mut().zip(sums) {
@@ -258,8 +258,8 @@ impl Channel {
         }
         self.interval.offset += offset;
         self.interval.periods += 1;
-        if places[1].is_none_or(|place| place % coherent == 0) {
-            self.close_loops(places[1].is_some());
+        if positions[1].is_none_or(|position| position % coherent == 0) {
+            self.close_loops(positions[1].is_some());
         }
         let SymbolTiming { period_s, cycle } = self.timing();
         let false_lock_hz = FALSE_LOCK / (2.0 * cycle as f64 * period_s);
@@ -290,7 +290,7 @@ impl Channel {
         self.code_correction = -code_gain(bandwidth) * late_chips;
     }
 
-    /// Bandwidths now of the frequency- and the phase-locked loop, Hz.
+    /// Current bandwidths of the frequency- and the phase-locked loop, Hz.
     fn bandwidths(&self) -> (f64, f64) {
         let stable = 0.15 / (self.interval_periods() as f64 * self.timing().period_s);
         let fll = if self.symbols.edge().is_some() { 0.0 } else { self.options.fll_hz };
@@ -316,8 +316,8 @@ mod tests {
 
     const RATE: f64 = 2.048e6;
 
-    /// Tracks a signal from an acquisition that is off by `doppler_error` Hz and 0.3 chips, and gives the
-    /// channel, its bits and the last code phase error in chips.
+    /// Tracks a signal from an acquisition that is off by `doppler_error` Hz and 0.3 chips, and returns the
+    /// channel, its symbols and the last code phase error in chips.
     fn track(
         signal: &TestSignal,
         seconds: f64,
@@ -361,8 +361,8 @@ mod tests {
     }
 
     #[test]
-    fn it_pulls_in_at_35_and_holds_at_30_dbhz() {
-        // Twenty seeds: acquired with 20 Hz and 0.3 chips of error and an unknown bit edge at 35 dB-Hz,
+    fn a_channel_pulls_in_at_35_dbhz_and_holds_at_30_dbhz() {
+        // Twenty seeds: acquired with 20 Hz and 0.3 chips of error and an unknown symbol edge at 35 dB-Hz,
         // faded to 30 dB-Hz over four seconds and held there for four.
         (0..20u64).into_par_iter().for_each(|seed| {
             let signal = TestSignal {
@@ -372,7 +372,7 @@ mod tests {
                 cn0_dbhz: 35.0,
                 fade_db: 5.0,
                 fade_s: 4.0,
-                bit_edge: (seed % 20) as i64,
+                symbol_edge: (seed % 20) as i64,
                 seed,
             };
             let (channel, bits, code_error) =
@@ -397,12 +397,12 @@ mod tests {
             );
             // The first second is pull-in. After it Eb/N0 >= 13 dB: Q(sqrt(40)) = 1.3e-10 per bit.
             assert!(bits.len() > 350, "seed {seed}: {} bits", bits.len());
-            assert_eq!(bit_errors(&bits[50..], signal.bit_edge as u64), 0, "seed {seed}");
+            assert_eq!(bit_errors(&bits[50..], signal.symbol_edge as u64), 0, "seed {seed}");
         });
     }
 
     #[test]
-    fn with_a_known_edge_not_a_bit_is_lost_at_any_integration_time() {
+    fn with_a_known_edge_all_symbols_are_correct_at_any_integration_time() {
         for coherent_ms in [1, 2, 4, 5, 10, 20] {
             let signal = TestSignal {
                 rate: RATE,
@@ -411,7 +411,7 @@ mod tests {
                 cn0_dbhz: 40.0,
                 fade_db: 0.0,
                 fade_s: 0.0,
-                bit_edge: 13,
+                symbol_edge: 13,
                 seed: 5,
             };
             let options = TrackingOptions { coherent_ms, ..Default::default() };
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_that_ends_is_lost() {
+    fn a_signal_that_ends_gives_loss_of_lock() {
         let mut signal = TestSignal {
             rate: RATE,
             doppler: 100.0,
@@ -431,7 +431,7 @@ mod tests {
             cn0_dbhz: 45.0,
             fade_db: 60.0,
             fade_s: 1.0,
-            bit_edge: 0,
+            symbol_edge: 0,
             seed: 9,
         };
         assert_eq!(

@@ -1,23 +1,23 @@
-//! What the loops are steered by.
+//! Loop discriminators.
 
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Costas discriminator, cycles in (-1/4, 1/4]: phase of the signal against the replica, blind to data
-/// bits (Kaplan & Hegarty, 3rd ed., table 8.2, two-quadrant arctangent, the maximum-likelihood one).
+/// Costas discriminator, cycles in (-1/4, 1/4]: phase of the signal against the replica, insensitive to data
+/// symbols (Kaplan & Hegarty, 3rd ed., table 8.2, two-quadrant arctangent, the maximum-likelihood one).
 pub fn costas_cycles(prompt: Complex64) -> f64 {
     if prompt.re == 0.0 && prompt.im == 0.0 { 0.0 } else { (prompt.im / prompt.re).atan() / TAU }
 }
 
-/// Frequency discriminator, Hz: phase from one prompt to the next, `interval_s` later, in which a data
-/// bit may change (Kaplan & Hegarty, 3rd ed., table 8.4, decision-directed cross over dot).
+/// Frequency discriminator, Hz: phase from one prompt to the next, `interval_s` later, in which a data symbol
+/// may change (Kaplan & Hegarty, 3rd ed., table 8.4, decision-directed cross over dot).
 pub fn frequency_hz(before: Complex64, now: Complex64, interval_s: f64) -> f64 {
     costas_cycles(now * before.conj()) / interval_s
 }
 
-/// Normalised early minus late envelope, chips: by how much the signal is later than the replica, exact
-/// for the triangular correlation of an unfiltered code and |result| < `distance` (Kaplan & Hegarty, 3rd
-/// ed., table 8.5), for early and late `distance` chips from prompt.
+/// Normalised early minus late envelope, chips: the delay of the signal against the replica, exact for the
+/// triangular correlation of an unfiltered code and |result| < `distance` (Kaplan & Hegarty, 3rd ed., table
+/// 8.5), for early and late `distance` chips from prompt.
 pub fn lateness_chips(early: Complex64, late: Complex64, distance: f64) -> f64 {
     let (early, late) = (early.norm(), late.norm());
     let sum = early + late;

@@ -1,36 +1,36 @@
-//! C/N0 and lock, from the correlation of neighbouring prompts.
+//! Estimation of C/N0 and detection of lock from the correlation of neighbouring prompts.
 //!
-//! With p\[k\] the prompts of code periods T inside a data symbol, R0 = E|p\[k\]|^2 = S + N and R1 = E p\[k+1\]
-//! p\[k\]* = S exp(j 2 pi df T): white noise drops out of R1 whatever its power, and C/N0 = |R1| / (R0 - |R1|) / T.
-//! Neither needs carrier phase. Where symbols are known, the second half of a symbol against its first, summed
-//! over ten bits of LNAV or as many periods, turns by 2 pi df half a symbol: that betrays a false lock of the
-//! carrier loop.
+//! With p\[k\] the prompts of code periods T inside a data symbol, R0 = E|p\[k\]|^2 = S + N and R1 = E
+//! p\[k+1\] p\[k\]* = S exp(j 2 pi df T): white noise does not contribute to R1, whatever its power, and C/N0
+//! = |R1| / (R0 - |R1|) / T. Neither needs carrier phase. Where the symbol edge is known, the product of the
+//! second half of a symbol and its first, summed over ten bits of LNAV or as many periods, has the phase 2 pi
+//! df half a symbol, which reveals a false lock of the carrier loop.
 
 use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Periods averaged for one decision, and summed for one look at the frequency. At 30 dB-Hz and 1 ms R1/N is 1 +-
-/// sqrt(3/200) = 0.12.
+/// Periods averaged for one decision, and summed for one estimate of the frequency error. At 30 dB-Hz and 1
+/// ms R1/N is 1 +- sqrt(3/200) = 0.12.
 const BLOCK: usize = 200;
 
-/// A block below this C/N0 speaks of loss, dB-Hz: six standard deviations from a satellite at 30.
+/// A block below this C/N0 indicates loss of lock, dB-Hz: six standard deviations from a satellite at 30.
 const LOSS_DBHZ: f64 = 24.5;
 
-/// Consecutive bad blocks that mean loss.
+/// Number of consecutive blocks below it that mean loss of lock.
 const BAD_BLOCKS: usize = 3;
 
 /// Blocks in the running average of the reported C/N0 (1 s).
 const AVERAGED: f64 = 5.0;
 
-/// What a channel's detectors say.
+/// State of the lock detector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LockState {
-    /// Not enough heard yet.
+    /// Not enough data yet.
     PullingIn,
-    /// The signal is there.
+    /// The signal is present.
     Locked,
-    /// The signal is gone.
+    /// The signal is lost.
     Lost,
 }
 
@@ -46,7 +46,7 @@ pub struct LockDetector {
     noise: f64,
     blocks: usize,
     bad: usize,
-    /// Sums of the first and the second half of the present symbol.
+    /// Sums of the first and the second half of the current symbol.
     halves: [Complex64; 2],
     turn: Complex64,
     symbols: usize,
@@ -71,10 +71,10 @@ impl LockDetector {
         }
     }
 
-    /// Takes a prompt and its place in the data symbol where that is known. Gives, once in 200 periods, the
-    /// frequency error in Hz if it is certain (five standard deviations).
-    pub fn push(&mut self, prompt: Complex64, place: Option<u64>) -> Option<f64> {
-        if let Some(last) = self.last.replace(prompt).filter(|_| place != Some(0)) {
+    /// Takes a prompt and its position in the data symbol where that is known. Returns, once in 200 periods,
+    /// the frequency error in Hz if it is significant (five standard deviations).
+    pub fn push(&mut self, prompt: Complex64, position: Option<u64>) -> Option<f64> {
+        if let Some(last) = self.last.replace(prompt).filter(|_| position != Some(0)) {
             self.r0 += 0.5 * (prompt.norm_sqr() + last.norm_sqr());
             self.r1 += prompt * last.conj();
             self.pairs += 1;
@@ -82,13 +82,13 @@ impl LockDetector {
         if self.pairs >= BLOCK {
             self.end_block();
         }
-        let place = place?;
-        if place == 0 {
+        let position = position?;
+        if position == 0 {
             self.halves = [Complex64::ZERO; 2];
         }
         let cycle = self.timing.cycle as u64;
-        self.halves[usize::from(place >= cycle / 2)] += prompt;
-        if place + 1 == cycle { self.end_symbol() } else { None }
+        self.halves[usize::from(position >= cycle / 2)] += prompt;
+        if position + 1 == cycle { self.end_symbol() } else { None }
     }
 
     fn end_symbol(&mut self) -> Option<f64> {
@@ -129,7 +129,7 @@ impl LockDetector {
         10.0 * (signal / noise * (1.0 / self.timing.period_s)).max(1.0).log10()
     }
 
-    /// The verdict.
+    /// The current state.
     pub fn state(&self) -> LockState {
         match self {
             _ if self.bad >= BAD_BLOCKS => LockState::Lost,
@@ -163,11 +163,12 @@ mod tests {
     }
 
     #[test]
-    fn cn0_is_measured_and_thirty_dbhz_is_never_called_lost() {
+    fn cn0_is_measured_and_thirty_dbhz_is_never_reported_lost() {
         for cn0 in [30.0, 35.0, 45.0] {
             for seed in 0..50 {
                 let (detector, errors) = run(cn0, 0.0, 5000, seed);
-                // 1000 pairs: relative deviation of S/N sqrt((1 + 2 S/N)/1000) / (S/N), four of them.
+                // 1000 pairs: relative standard deviation of S/N sqrt((1 + 2 S/N)/1000) / (S/N), four of
+                // them.
                 let snr = 10f64.powf(cn0 / 10.0) * 1e-3;
                 let sigma = 4.343 * ((1.0 + 2.0 * snr + snr * snr) / 1000.0).sqrt() / snr;
                 assert!((detector.cn0_dbhz().unwrap() - cn0).abs() < 4.0 * sigma);
@@ -178,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_lost_and_a_false_lock_is_seen() {
+    fn noise_is_reported_lost_and_a_false_lock_is_detected() {
         for seed in 0..50 {
             assert_eq!(run(0.0, 0.0, 2000, seed).0.state(), LockState::Lost);
             let (_, errors) = run(40.0, 25.0, 2000, seed);

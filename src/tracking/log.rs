@@ -1,4 +1,4 @@
-//! From tracks to pseudoranges: what each channel saw at the common receive instants, dated by the
+//! From tracks to pseudoranges: the measurements of each channel at the common receive instants, dated by the
 //! navigation message.
 
 use super::{Epoch, Quality};
@@ -6,8 +6,8 @@ use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use crate::gnss::{GpsTime, Transmission};
 
-/// What one track measured at the receive instants that it saw, a few numbers each: its memory grows
-/// with the number of instants, not of samples.
+/// Measurements of one track at the receive instants, a few numbers each: its memory grows with the number of
+/// instants, not of samples.
 #[derive(Clone, Debug)]
 pub struct TrackLog {
     /// The satellite and its signal.
@@ -16,7 +16,7 @@ pub struct TrackLog {
     /// Code periods whose time of transmission is known, s of week, in order of the period.
     anchors: Vec<(u64, f64)>,
     last: Option<Epoch>,
-    /// Whether nothing was ever measured.
+    /// Whether nothing was measured.
     is_empty: bool,
 }
 
@@ -47,7 +47,7 @@ impl TrackLog {
         }
     }
 
-    /// Takes the next epochs of the track (in order, without gaps) and keeps what it saw at the receive
+    /// Takes the next epochs of the track (in order, without gaps) and keeps the measurements at the receive
     /// `instants` (samples, ascending).
     pub fn extend(&mut self, epochs: &[Epoch], quality: &Quality, instants: &[u64]) {
         for &epoch in epochs {
@@ -79,15 +79,15 @@ impl TrackLog {
         self.last.map_or(0.0, |epoch| epoch.start_sample)
     }
 
-    /// Forgets measurements before a sample; says whether any are left.
+    /// Removes measurements before a sample; returns whether any are left.
     pub fn discard_before(&mut self, sample: u64) -> bool {
         let old = self.measurements.partition_point(|m| m.sample < sample);
         self.measurements.drain(..old);
         !self.measurements.is_empty()
     }
 
-    /// States that code period `period` was sent at time of week `tow_s`. One that follows from what is
-    /// known adds nothing.
+    /// Sets the transmit time of code period `period` to time of week `tow_s`. One that follows from the
+    /// known ones is not added.
     pub fn anchor(&mut self, period: u64, tow_s: f64) {
         let known = self.tow_s(period, 0.0);
         if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * self.transmission.signal.period_s()) {
@@ -100,9 +100,9 @@ impl TrackLog {
         !self.anchors.is_empty()
     }
 
-    /// Dates this track by one of the same transmission that ended before: the transmit time runs on by the
-    /// samples between, and is rounded to whole code periods. Gives what the rounding took away, s: the
-    /// jump of the code phase, by which samples are missing or double if all satellites show it.
+    /// Dates this track by one of the same transmission that ended before: the transmit time advances by the
+    /// samples between, and is rounded to whole code periods. Returns the rounding error, s: the jump of the
+    /// code phase, which shows missing or repeated samples if all satellites have it.
     pub fn continue_from(&mut self, before: &Self, rate_hz: f64) -> Option<f64> {
         let (old, new) = (before.last?, self.last?);
         let tow = before.tow_s(old.period, 0.0)?;
@@ -149,8 +149,8 @@ impl TrackLog {
     }
 }
 
-/// The dated measurements of all tracks at one sample; none where there are none. `origin` is the receive time of
-/// sample 0 by the receiver's clock. Of two logs of one transmission the first counts.
+/// The dated measurements of all tracks at one sample; `None` where there are none. `origin` is the receive
+/// time of sample 0 by the receiver's clock. Of two logs of one transmission the first counts.
 pub fn observation_epoch<'a>(
     logs: impl Iterator<Item = &'a TrackLog>,
     sample: u64,
@@ -166,7 +166,7 @@ pub fn observation_epoch<'a>(
     (!observations.is_empty()).then_some(ObservationEpoch { receive_time, sample, observations })
 }
 
-/// The dated measurements of all tracks at all samples that any measured, in order of time.
+/// The dated measurements of all tracks at all samples at which any measured, in order of time.
 pub fn observation_epochs(
     logs: &[TrackLog],
     origin: GpsTime,
@@ -213,7 +213,7 @@ mod tests {
         let (start, speed, sent) = (0.4e-3, 600.0, 345_600.0);
         let all = epochs(start, speed, 0..3000);
         let mut log = TrackLog::new(signal::of("G03".parse().unwrap()));
-        // In pieces, as they come.
+        // In several parts, as in reception.
         log.extend(&all[..777], &QUALITY, &instants());
         log.extend(&all[777..], &QUALITY, &instants());
         log.anchor(500, sent);
@@ -238,11 +238,11 @@ mod tests {
     }
 
     #[test]
-    fn a_track_taken_up_again_is_dated_by_the_one_before_and_shows_missing_samples() {
+    fn a_resumed_track_is_dated_by_the_one_before_and_shows_missing_samples() {
         let mut before = TrackLog::new(signal::of("G03".parse().unwrap()));
         before.extend(&epochs(0.0, -300.0, 0..1000), &QUALITY, &instants());
         before.anchor(0, 1000.0);
-        // Eight seconds later, with 100 us of samples missing: everything comes earlier by that.
+        // Eight seconds later, with 100 us of samples missing: everything arrives earlier by that.
         let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
         let mut after = TrackLog::new(before.transmission);
         after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, &instants());

@@ -1,7 +1,7 @@
 //! Loop filters.
 
-/// A third-order phase-locked loop filter with a second-order frequency assistant (Kaplan & Hegarty, 3rd
-/// ed., table 8.6: B = 0.7845 w0, a3 = 1.1, b3 = 2.4; B = 0.53 w0f, a2 = 1.414).
+/// A third-order phase-locked loop filter with a second-order frequency-locked loop's assistance (Kaplan &
+/// Hegarty, 3rd ed., table 8.6: B = 0.7845 w0, a3 = 1.1, b3 = 2.4; B = 0.53 w0f, a2 = 1.414).
 #[derive(Clone, Debug)]
 pub struct CarrierFilter {
     acceleration: f64,
@@ -10,7 +10,8 @@ pub struct CarrierFilter {
     rate: f64,
 }
 
-/// Time over which the Doppler's rate is smoothed, s: it changes by 4 Hz/s in a second at most (550 km).
+/// Time constant of the smoothing of the Doppler's rate, s: it changes by 4 Hz/s in a second at most (550
+/// km).
 const RATE_TIME_S: f64 = 1.0;
 
 impl CarrierFilter {
@@ -19,8 +20,8 @@ impl CarrierFilter {
         Self { acceleration: rate_hz_s, velocity: doppler_hz, rate: rate_hz_s }
     }
 
-    /// Takes the phase error (cycles) and, while pulling in, the frequency error (Hz) over the last
-    /// `interval_s` seconds; gives the Doppler (Hz) for the next interval. Bandwidths in Hz.
+    /// Takes the phase error (cycles) and, during pull-in, the frequency error (Hz) over the last
+    /// `interval_s` seconds; returns the Doppler (Hz) for the next interval. Bandwidths in Hz.
     pub fn update(
         &mut self,
         phase: f64,
@@ -38,7 +39,7 @@ impl CarrierFilter {
         self.velocity + 2.4 * w * phase
     }
 
-    /// The filter's own Doppler, Hz, free of the phase error's jitter: that of the middle of the next
+    /// The filter's own Doppler, Hz, without the jitter of the phase error: that of the middle of the next
     /// interval, for which the replica's frequency is set.
     pub fn doppler_hz(&self) -> f64 {
         self.velocity
@@ -49,7 +50,7 @@ impl CarrierFilter {
         self.rate
     }
 
-    /// Moves the Doppler by `step_hz`: out of a false lock.
+    /// Changes the Doppler by `step_hz`, to leave a false lock.
     pub fn step(&mut self, step_hz: f64) {
         self.velocity += step_hz;
         self.acceleration = 0.0;
@@ -66,7 +67,7 @@ pub fn code_gain(bandwidth_hz: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A third-order loop follows a constant Doppler rate with no phase error left.
+    /// A third-order loop follows a constant Doppler rate without remaining phase error.
     #[test]
     fn a_doppler_ramp_is_followed_without_error() {
         let (mut filter, mut replica, interval) = (CarrierFilter::new(1000.0, 0.0), 0.0, 0.01);
@@ -80,7 +81,7 @@ mod tests {
             nco = filter.update(error, 12.0, 0.0, 0.0, interval);
         }
         assert!(error.abs() < 1e-6, "{error}");
-        // What is left after 20 s of a transient with time constants of 0.1 and 1 s.
+        // The remainder after 20 s of a transient with time constants of 0.1 and 1 s.
         assert!((filter.doppler_hz() - 5.0 * interval / 2.0 - doppler).abs() < 1e-6);
         assert!((filter.rate_hz_s() - 5.0).abs() < 1e-6);
     }

@@ -1,9 +1,9 @@
-//! Following a satellite: carrier and code loops from the first sample to the last.
+//! Tracking of a satellite: carrier and code loops.
 //!
-//! A [`Channel`] correlates one code period at a time and closes a third-order phase-locked loop, helped
-//! by a frequency-locked loop while it pulls in, and a carrier-aided delay-locked loop (Kaplan & Hegarty,
-//! 3rd ed., chapter 8). It gives one [`Epoch`] per code period and, once the symbol edge is known, one
-//! [`Symbol`] after the other, those before the edge was known included.
+//! A [`Channel`] correlates one code period at a time and closes a third-order phase-locked loop, assisted by
+//! a frequency-locked loop during pull-in, and a carrier-aided delay-locked loop (Kaplan & Hegarty, 3rd ed.,
+//! chapter 8). It gives one [`Epoch`] per code period and, once the symbol edge is known, a [`Symbol`] per
+//! data symbol, those before the edge was known included.
 
 mod channel;
 mod discriminators;

@@ -1,28 +1,29 @@
 //! Symbol synchronisation and symbols.
 //!
-//! The likeliest edge is searched together with what is left of the Doppler ([`estimate_carrier`]): it
-//! needs neither phase lock nor a perfect frequency.
+//! The maximum-likelihood edge is searched together with the remaining Doppler ([`estimate_carrier`]): it
+//! needs neither phase lock nor an exact frequency.
 
 use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
 use crate::gnss::signal::SymbolTiming;
 use num_complex::Complex64;
 
-/// Minimum signal-to-noise ratio of a prompt at which an edge can be believed (24.5 dB-Hz of 1 ms): in noise alone
-/// the ratio is 0.05 at most (one standard deviation, 400 prompts), and so a false edge a six-sigma event.
-const LEAST_SNR: f64 = 0.28;
+/// Minimum signal-to-noise ratio of a prompt at which an edge is accepted (24.5 dB-Hz of 1 ms): in noise
+/// alone the ratio is 0.05 at most (one standard deviation, 400 prompts), and so a false edge a six-sigma
+/// event.
+const MIN_SNR: f64 = 0.28;
 
-/// Prompts that are looked at first, and in steps of how many the run grows until the edge is certain.
+/// Number of prompts used first, and the steps by which it grows until the edge is certain.
 const FIRST: usize = 400;
 const STEP: usize = 100;
 
-/// Prompts that are looked at, the latest.
+/// Maximum number of prompts used, the latest.
 const RUN: usize = 600;
 
-/// How far the carrier loop may be off, Hz: false locks lie at multiples of 25 with symbols of 20 ms.
+/// Maximum error of the carrier loop, Hz: false locks lie at multiples of 25 with symbols of 20 ms.
 const SPAN_HZ: f64 = 60.0;
 
-/// Prompts after which the search starts anew: the loops may have been unlocked.
-const PATIENCE: usize = 4000;
+/// Prompts after which the search restarts: the loops may have been unlocked.
+const RESTART: usize = 4000;
 
 /// A data symbol.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,20 +48,20 @@ pub struct SymbolSynchroniser {
 }
 
 impl SymbolSynchroniser {
-    /// For symbols of this timing, with an edge (index of a code period) that is known already, or none.
+    /// For symbols of this timing, with an edge (index of a code period) if it is known already.
     pub fn new(timing: SymbolTiming, edge: Option<u64>) -> Self {
         let edge = edge.map(|e| e % timing.cycle as u64);
         let (history, first) = (Vec::new(), 0);
         Self { timing, history, first, edge, sum: Complex64::ZERO, count: 0 }
     }
 
-    /// How code periods make up symbols.
+    /// Timing of the symbols.
     pub fn timing(&self) -> SymbolTiming {
         self.timing
     }
 
-    /// The place of a code period in its symbol, 0 to below the cycle, once the edge is known.
-    pub fn place(&self, period: u64) -> Option<u64> {
+    /// The position of a code period in its symbol, 0 to below the cycle, once the edge is known.
+    pub fn position(&self, period: u64) -> Option<u64> {
         let cycle = self.timing.cycle as u64;
         self.edge.map(|edge| (period + cycle - edge) % cycle)
     }
@@ -72,8 +73,8 @@ impl SymbolSynchroniser {
 
     /// Takes the prompt of code period `period` (consecutive) and appends the symbols that it completes.
     pub fn push(&mut self, period: u64, prompt: Complex64, symbols: &mut Vec<Symbol>) {
-        if let Some(place) = self.place(period) {
-            return self.add(period, place, prompt, symbols);
+        if let Some(position) = self.position(period) {
+            return self.add(period, position, prompt, symbols);
         }
         if self.history.is_empty() {
             self.first = period;
@@ -87,21 +88,21 @@ impl SymbolSynchroniser {
                 for (k, &prompt) in (first..).zip(&history) {
                     self.push(k, prompt, symbols);
                 }
-            } else if count >= PATIENCE {
+            } else if count >= RESTART {
                 self.history.clear();
             }
         }
     }
 
-    fn add(&mut self, period: u64, place: u64, prompt: Complex64, symbols: &mut Vec<Symbol>) {
-        if place == 0 {
+    fn add(&mut self, period: u64, position: u64, prompt: Complex64, symbols: &mut Vec<Symbol>) {
+        if position == 0 {
             (self.sum, self.count) = (Complex64::ZERO, 0);
         }
         self.sum += prompt;
         self.count += 1;
-        // The first may have begun before the track.
+        // The first symbol may have begun before the track.
         let cycle = self.timing.cycle;
-        if place + 1 == cycle as u64 && self.count == cycle {
+        if position + 1 == cycle as u64 && self.count == cycle {
             let first_period = period + 1 - cycle as u64;
             symbols.push(Symbol { value: self.sum.re as f32, first_period });
         }
@@ -114,7 +115,7 @@ impl SymbolSynchroniser {
         let run = &self.history[skipped..];
         let total: f64 = run.iter().map(|p| p.norm_sqr()).sum();
         let neighbours: Complex64 = run.windows(2).map(|w| w[1] * w[0].conj()).sum();
-        if neighbours.norm() < LEAST_SNR * (total - neighbours.norm()) {
+        if neighbours.norm() < MIN_SNR * (total - neighbours.norm()) {
             return None;
         }
         let span = CarrierSpan { frequency_hz: SPAN_HZ, rate_hz_s: 0.0 };
@@ -134,7 +135,7 @@ mod tests {
     const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
 
     #[test]
-    fn edges_are_found_and_all_bits_given_at_thirty_dbhz() {
+    fn edges_are_found_and_all_symbols_given_at_thirty_dbhz() {
         for seed in 0..100u64 {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let data: Vec<f64> =
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_no_edge() {
+    fn noise_gives_no_edge() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut sync = SymbolSynchroniser::new(TIMING, None);
         let mut bits = Vec::new();

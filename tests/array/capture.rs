@@ -57,7 +57,7 @@ fn shows(data: &Path, ms: usize) -> Tested {
         println!(
             "{} share {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz",
             a.sv(),
-            found.share,
+            found.fraction,
             chips,
             hertz,
             a.cn0_dbhz

@@ -66,7 +66,7 @@ fn all_eight(sky: Sky, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
     for (seed, (look, truth)) in looks.iter().enumerate() {
         let (right, wrong) = score(look, truth);
         if (right, wrong) != (8, 0) {
-            let found: Vec<_> = look.found.iter().map(|f| (f.acquisition, f.share)).collect();
+            let found: Vec<_> = look.found.iter().map(|f| (f.acquisition, f.fraction)).collect();
             return Err(format!(
                 "seed {seed}: {right} right, {wrong} wrong: {found:#.2?} of {truth:#.1?}"
             )

@@ -85,7 +85,7 @@ fn measure(setting: Setting) -> [Tally; 6] {
             let channels: Vec<&[Complex32]> = (0..elements).map(|m| block.channel(m)).collect();
             let r = covariance(&channels);
             let compressed = compress(&r, block.len(), 0, 1e-3).expect("samples");
-            let floor = compressed.division.floor;
+            let floor = compressed.division.noise_variance;
             let samples = block.len() as f64;
             let b = jane.decide_covariance(&r, samples, Some(floor), &[]).expect("a decision");
             let look =

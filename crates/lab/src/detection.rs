@@ -134,7 +134,7 @@ pub fn false_alarms(runs: usize, seed: u64) -> Result<f64, JaneError> {
     let settings = [(50, 0.1), (50, 0.1), (50, 0.3), (16, 0.1), (8, 0.1), (4, 0.0)];
     let alarms = settings.into_par_iter().enumerate().map(|(at, (elements, share))| {
         let impulsive = Scene::default().noise;
-        let noise = Mixture { share, ..impulsive };
+        let noise = Mixture { probability: share, ..impulsive };
         let scene = Scene { elements, angles_deg: Vec::new(), noise, ..Scene::default() };
         let runs = (at..runs).step_by(settings.len()).count();
         let outcome = detect(&scene, runs, seed + (at * 1_000_000) as u64)?;
@@ -212,7 +212,7 @@ pub fn detection(options: &DetectionOptions) -> Result<Findings, JaneError> {
     // The signals are as strong whatever the outliers: their share does not change the scene's amplitude.
     let with_share = |share: f64, snr: f64| {
         let mut scene = paper().with_snr(snr);
-        scene.noise.share = share;
+        scene.noise.probability = share;
         scene
     };
     let with_elements = |elements: usize| {

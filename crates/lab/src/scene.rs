@@ -38,7 +38,7 @@ pub struct Snapshots {
 
 impl Default for Scene {
     fn default() -> Self {
-        let noise = Mixture { share: 0.1, background: 1.0, impulse: 50.0, real: false };
+        let noise = Mixture { probability: 0.1, background: 1.0, impulse: 50.0, real: false };
         let angles_deg = vec![30.0, 28.0, 52.0, 40.0];
         let scene = Self { elements: 50, snapshots: 100, angles_deg, amplitude: 0.0, noise };
         scene.with_snr(20.0)
@@ -63,7 +63,8 @@ impl Scene {
                 signals[(q, k)] = Complex64::from_polar(self.amplitude, TAU * rng.uniform());
             }
         }
-        let impulses: Vec<bool> = (0..m * n).map(|_| rng.uniform() < self.noise.share).collect();
+        let impulses: Vec<bool> =
+            (0..m * n).map(|_| rng.uniform() < self.noise.probability).collect();
         let mut y = CMat::zeros(m, n);
         for (at, impulse) in impulses.into_iter().enumerate() {
             let variance = if impulse { self.noise.impulse } else { self.noise.background };

@@ -1,12 +1,12 @@
-//! Despreading an array: one satellite's prompt of every element and code period.
+//! Despreading of an array's samples: one satellite's prompts of every element and code period.
 
 use crate::array::CMat;
 use crate::correlator::{CodeTable, SampleBuffer, correlate};
 use num_complex::Complex64;
 
 /// Prompts of a satellite, one row per channel and one column per whole code period among the samples
-/// `start..end` (stream indices), at whose first it has the code phase given, chips; the Doppler, Hz, is that of
-/// the middle. Cost: one pass over the samples of every channel.
+/// `start..end` (stream indices). The code phase given, chips, is that at sample `start`; the Doppler, Hz, is
+/// that of the middle. Cost: one pass over the samples of every channel.
 pub fn despread(
     channels: &[SampleBuffer],
     rate_hz: f64,

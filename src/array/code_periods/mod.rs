@@ -1,5 +1,5 @@
-//! Signals by their code periods: what repeats every code period stands out of the noise before any code is
-//! known, and the codes are then searched in a few singular vectors.
+//! Signals by their code periods: what repeats every code period is separated from the noise before any code
+//! is known, and the codes are then searched in a few singular vectors.
 
 mod despread;
 mod search;

@@ -1,23 +1,24 @@
-//! Acquisition from the code-period decomposition (route c): a few waveforms are searched for all codes, in
-//! place of every element's every millisecond.
+//! Acquisition from signals by their code periods: all codes are searched in a few waveforms, instead of in
+//! every millisecond of every element.
 //!
-//! The r first right singular vectors of the code periods (module `array::code_period_svd`) span the
-//! waveforms of the satellites present. A waveform w of unit norm that is not among them has the share
+//! The first r right singular vectors of the code periods ([`super::svd`]) span the waveforms of the
+//! satellites present. A waveform w of unit norm that is not among them has the fraction
 //!
 //! s = sum_j |v_j^H w|^2 ~ Beta(r, N - r), P(s > x) = sum_{i < r} C(N-1, i) x^i (1-x)^(N-1-i)
 //!
 //! of its power in a random r-dimensional subspace of N dimensions, which is what noise gives. Three passes:
 //!
-//! 1. The strong: the first eight vectors, Dopplers a kilohertz apart. A code is clear whose share exceeds the
-//!    threshold by three times the greatest cross-correlation; half the step off, 0.4 of the share is left. What is
-//!    clear is measured between the cells and projected out of the subspace.
-//! 2. All others, in what is left of all r vectors, Dopplers half a kilohertz apart.
-//! 3. What is clear only now is projected out too. Of the rest, what passed must still pass; what nearly passed
-//!    and was mostly the shadow of something clear is searched again.
+//! 1. Strong satellites: the first eight vectors, Dopplers 1 kHz apart. A code is certain if its fraction
+//!    exceeds the threshold by three times the maximum cross-correlation; half a Doppler step off, 0.4 of the
+//!    fraction remains. Codes that are certain are interpolated between the cells and projected out of the
+//!    subspace.
+//! 2. All others, in the remainder of all r vectors, Dopplers 0.5 kHz apart.
+//! 3. Codes that have become certain are projected out too. Of the rest, those that passed must still pass;
+//!    those that nearly passed and were mostly cross-correlation of a certain code are searched again.
 //!
-//! Counted work: a forward transform for each code, vector and fraction of a kilohertz, and an inverse transform
-//! for each satellite, Doppler and vector. The first pass takes 32 x 11 x 8 for 5 kHz; each satellite that it finds
-//! spares the second one 21 r, and, from a share of 0.2 on, all others 21.
+//! Cost: a forward transform for each code, vector and fraction of 1 kHz, and an inverse transform for each
+//! satellite, Doppler and vector. The first pass takes 32 x 11 x 8 for 5 kHz; each satellite that it finds
+//! saves 21 r in the second one, and, from a fraction of 0.2 on, 21 for each other satellite.
 
 use super::svd::{CodePeriodSvd, CodePeriods, add_product, product};
 use crate::acquisition::search::{add_power, multiply, phasor, searched_signal};
@@ -30,44 +31,44 @@ use rayon::prelude::*;
 use sdr_rx_linalg::{Fft, forward_transform, hermitian_eigen, inverse_transform};
 use std::f64::consts::TAU;
 
-/// Greatest cross-correlation of two C/A codes at any Doppler, -21.1 dB (Kaplan & Hegarty, 3rd ed., 3.3): what
-/// a satellite of share 1 gives to another's code.
+/// Maximum cross-correlation of two C/A codes at any Doppler, -21.1 dB (Kaplan & Hegarty, 3rd ed., 3.3): the
+/// contribution of a satellite of fraction 1 to another's code.
 const CROSS_CORRELATION: f64 = 0.0078;
-/// A code is beyond doubt whose share exceeds the threshold by so many of these.
-const CLEAR: f64 = 3.0;
-/// In the last pass only codes are searched whose share came so near the threshold in the second, and lost so
-/// much of it with the satellites found.
+/// A code is certain if its fraction exceeds the threshold by so many maximum cross-correlations.
+const CERTAIN: f64 = 3.0;
+/// The last pass searches the codes whose fraction was above this part of the threshold in the second, and
+/// fell below this part of its value when the satellites found were projected out.
 const NEARLY: f64 = 0.75;
-/// What a direction of the subspace must keep of its power, projected, to be searched on: a satellite found
-/// with a share of 0.2 or more takes the direction nearest to it along.
-const LEAST_LEFT: f64 = 0.8;
-/// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom law.
+/// Fraction of its power that a direction of the subspace must keep in the projection to be used further: a
+/// satellite found with a fraction of 0.2 or more removes the direction nearest to it.
+const MIN_KEPT: f64 = 0.8;
+/// Probability that the number of signals is too high: 2.5 widths of the Tracy-Widom distribution.
 const RANK_FALSE_ALARM: f64 = 2.5e-5;
-/// Vectors that the pass for strong satellites looks at, where signals are not more.
+/// Vectors that the pass for strong satellites uses, unless there are more signals.
 const STRONG_COMPONENTS: usize = 8;
 
-/// What to search.
+/// Options of the search.
 #[derive(Clone, Debug)]
 pub struct CodePeriodOptions {
     /// Satellites and their signals, of one code length and chip rate.
     pub satellites: Vec<Transmission>,
-    /// Greatest Doppler, Hz.
-    pub most_doppler_hz: f64,
+    /// Maximum Doppler, Hz.
+    pub max_doppler_hz: f64,
     /// Code periods used, at most 1024 over the number of elements.
     pub periods: usize,
-    /// Right vectors searched, where signals are not more.
+    /// Right vectors searched, unless there are more signals.
     pub components: usize,
     /// Probability of one or more false satellites.
     pub false_alarm: f64,
 }
 
 impl CodePeriodOptions {
-    /// All GPS satellites within +-5 kHz, one false alarm in 10^5 searches; 16 vectors, of one antenna and
-    /// more than 50 ms 24.
+    /// All GPS satellites within +-5 kHz, one false alarm in 10^5 searches; 16 vectors, or 24 with one
+    /// antenna and more than 50 ms.
     pub fn new(elements: usize, periods: usize) -> Self {
         Self {
             satellites: Sv::all_gps().map(signal::of).collect(),
-            most_doppler_hz: 5000.0,
+            max_doppler_hz: 5000.0,
             periods,
             components: if elements == 1 && periods > 50 { 24 } else { 16 },
             false_alarm: 1e-5,
@@ -79,36 +80,36 @@ impl CodePeriodOptions {
 #[derive(Clone, Debug)]
 pub struct CodeFound {
     /// Doppler, code phase at the first sample and C/N0 of one element (of the samples as they are: after a
-    /// map with its loss), refined. The statistic is the share over its mean under noise, r/N.
+    /// map with its loss), refined. The statistic is the fraction over its mean under noise, r/N.
     pub acquisition: Acquisition,
-    /// Share of the code's waveform in the searched subspace.
-    pub share: f64,
-    /// Every element's every code period despread with the waveform found (M x K), Doppler and data still
-    /// in them from period to period.
+    /// Fraction of the power of the code's waveform in the searched subspace.
+    pub fraction: f64,
+    /// Prompts of every element and code period, despread with the waveform found (M x K); Doppler and data
+    /// from period to period are still in them.
     pub prompts: CMat,
     /// Spatial signature; `None` with one element.
     pub signature: Option<Signature>,
 }
 
-/// What the search saw.
+/// Result of the search.
 #[derive(Clone, Debug)]
 pub struct CodePeriodLook {
-    /// The decomposition: number of signals, noise floor, right vectors, blind snapshots.
+    /// The decomposition: number of signals, noise variance, right vectors, snapshots without codes.
     pub svd: CodePeriodSvd,
     /// Satellites, strongest first.
     pub found: Vec<CodeFound>,
-    /// Fourier transforms done.
+    /// Number of Fourier transforms.
     pub transforms: usize,
     /// Inverse transforms of the full non-coherent search of the same elements, periods, satellites and
     /// Dopplers (1 ms coherent).
     pub full_search_transforms: usize,
 }
 
-/// A cell of greatest share.
+/// A cell of maximum fraction.
 #[derive(Clone, Copy)]
 struct Cell {
     transmission: Transmission,
-    share: f64,
+    fraction: f64,
     doppler_hz: f64,
     delay_bins: f64,
 }
@@ -125,7 +126,7 @@ pub fn search_code_periods(
     let signal = searched_signal(&options.satellites, rate_hz)?;
     let need = (rate_hz * signal.period_s()).ceil() as usize;
     let reason = match () {
-        _ if !(0.0..=0.5 * rate_hz).contains(&options.most_doppler_hz) => {
+        _ if !(0.0..=0.5 * rate_hz).contains(&options.max_doppler_hz) => {
             Some("the Doppler interval must lie in the sampled band")
         }
         _ if options.components == 0 => Some("at least one component is needed"),
@@ -149,34 +150,36 @@ pub fn search_code_periods(
     let mut found: Vec<(Cell, usize)> = Vec::new();
     let strong = STRONG_COMPONENTS.max(svd.division.rank).min(svd.right.len());
     let (cells, mut transforms) = search.best_cells(&svd.right[..strong], &options.satellites, 1);
-    search.take(&svd.right, &cells, search.clear(strong), &mut found);
+    search.take(&svd.right, &cells, search.certain(strong), &mut found);
 
     let right = search.without(&svd.right, &found);
     let left = unfound(&options.satellites, &found);
     let (cells, more) = search.best_cells(&right, &left, 2);
     transforms += more;
-    search.take(&right, &cells, search.clear(right.len()), &mut found);
+    search.take(&right, &cells, search.certain(right.len()), &mut found);
 
     let right = search.without(&svd.right, &found);
     let threshold = search.threshold(right.len());
     let left = unfound(&left, &found);
-    let nearly = |c: &Cell| left.contains(&c.transmission) && c.share > NEARLY * threshold;
-    let (mut own, mut shadowed) = (Vec::new(), Vec::new());
+    let nearly = |c: &Cell| left.contains(&c.transmission) && c.fraction > NEARLY * threshold;
+    let (mut own, mut correlated) = (Vec::new(), Vec::new());
     for cell in cells.into_iter().filter(nearly) {
-        let share = search.share(&right, &cell);
-        if share > NEARLY * cell.share {
-            own.push(Cell { share, ..cell });
+        let fraction = search.fraction(&right, &cell);
+        if fraction > NEARLY * cell.fraction {
+            own.push(Cell { fraction, ..cell });
         } else {
-            shadowed.push(cell.transmission);
+            correlated.push(cell.transmission);
         }
     }
-    let (again, more) = search.best_cells(&right, &shadowed, 2);
+    let (again, more) = search.best_cells(&right, &correlated, 2);
     transforms += more;
     search.take(&right, &[own, again].concat(), threshold, &mut found);
 
-    found.sort_by(|a, b| b.0.share.total_cmp(&a.0.share));
-    let found =
-        found.iter().map(|(cell, r)| search.measure(cell, *r, svd.division.floor)).collect();
+    found.sort_by(|a, b| b.0.fraction.total_cmp(&a.0.fraction));
+    let found = found
+        .iter()
+        .map(|(cell, r)| search.measure(cell, *r, svd.division.noise_variance))
+        .collect();
     let full_search_transforms =
         data.rows.len() * options.satellites.len() * search.dopplers(2).count();
     Ok(CodePeriodLook { svd, found, transforms, full_search_transforms })
@@ -188,7 +191,7 @@ fn unfound(satellites: &[Transmission], found: &[(Cell, usize)]) -> Vec<Transmis
     satellites.iter().filter(is_left).copied().collect()
 }
 
-/// Orthonormal basis of what is left of orthonormal `rows` when the waveforms are projected away from them.
+/// Orthonormal basis of the remainder of orthonormal `rows` after the waveforms are projected out.
 fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Complex32>> {
     let single = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
     let normalised = |mut x: Vec<Complex32>| {
@@ -210,7 +213,7 @@ fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Com
     let left: Vec<Vec<Complex32>> = rows.iter().map(|row| without(row, &basis)).collect();
     let gram = CMat::from_fn(rows.len(), rows.len(), |i, k| product(&left[i], &left[k]));
     let Some((values, vectors)) = hermitian_eigen(&gram) else { return left };
-    let kept = values.iter().take_while(|&&l| l > LEAST_LEFT).count();
+    let kept = values.iter().take_while(|&&l| l > MIN_KEPT).count();
     let combine = |j: usize| {
         let mut sum = vec![Complex32::ZERO; left[0].len()];
         for (i, row) in left.iter().enumerate() {
@@ -221,12 +224,13 @@ fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Com
     (0..kept).map(combine).collect()
 }
 
-/// What all passes of one search share.
+/// State common to all passes of one search.
 struct Search<'a> {
     data: &'a CodePeriods,
     /// Code period, s.
     period_s: f64,
-    /// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites takes every other.
+    /// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites uses every
+    /// other.
     doppler_step_hz: f64,
     options: &'a CodePeriodOptions,
     forward: std::sync::Arc<dyn Fft<f32>>,
@@ -241,19 +245,19 @@ impl<'a> Search<'a> {
         Self { data, period_s, doppler_step_hz, options, forward, inverse }
     }
 
-    /// Dopplers searched, in steps, with so many fractions of the lines' distance.
+    /// Dopplers searched, in steps, with so many fractions of the spacing of the lines.
     fn dopplers(&self, fractions: usize) -> impl Iterator<Item = i64> + use<> {
-        let most = (self.options.most_doppler_hz / self.doppler_step_hz).ceil() as i64;
+        let most = (self.options.max_doppler_hz / self.doppler_step_hz).ceil() as i64;
         (-most..=most).filter(move |step| fractions == 2 || step % 2 == 0)
     }
 
-    /// The subspace without what was found.
+    /// The subspace after projection of the satellites found.
     fn without(&self, right: &[Vec<Complex32>], found: &[(Cell, usize)]) -> Vec<Vec<Complex32>> {
         let waves: Vec<_> = found.iter().map(|f| self.waveform(&f.0)).collect();
         project_out(right, &waves)
     }
 
-    /// Adds the cells above a share to what was found, measured between the cells.
+    /// Adds the cells above a fraction to those found, interpolated between the cells.
     fn take(
         &self,
         right: &[Vec<Complex32>],
@@ -261,16 +265,16 @@ impl<'a> Search<'a> {
         above: f64,
         found: &mut Vec<(Cell, usize)>,
     ) {
-        let above = cells.iter().filter(|c| c.share > above);
+        let above = cells.iter().filter(|c| c.fraction > above);
         found.extend(above.map(|c| (self.refine(right, *c), right.len())));
     }
 
-    /// Share that only a code which is there has, beside whatever others.
-    fn clear(&self, components: usize) -> f64 {
-        self.threshold(components) + CLEAR * CROSS_CORRELATION
+    /// Fraction above which a code is certainly present, whatever the other satellites.
+    fn certain(&self, components: usize) -> f64 {
+        self.threshold(components) + CERTAIN * CROSS_CORRELATION
     }
 
-    /// Share that noise exceeds anywhere with the probability asked for.
+    /// Fraction that noise exceeds anywhere with the requested probability.
     fn threshold(&self, components: usize) -> f64 {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..50 {
@@ -284,15 +288,15 @@ impl<'a> Search<'a> {
         high
     }
 
-    /// Probability that noise exceeds a share in any cell (taken as independent: an overestimate).
-    fn false_alarm(&self, share: f64, components: usize) -> f64 {
+    /// Probability that noise exceeds a fraction in any cell (taken as independent: an overestimate).
+    fn false_alarm(&self, fraction: f64, components: usize) -> f64 {
         let cells = self.options.satellites.len() * self.dopplers(2).count() * self.data.bins;
-        let tail = share_tail(share, components, self.data.bins);
+        let tail = fraction_tail(fraction, components, self.data.bins);
         -(cells as f64 * (-tail).ln_1p()).exp_m1()
     }
 
-    /// The best cell of every satellite at Dopplers of so many fractions of the lines' distance, and the number
-    /// of transforms.
+    /// The best cell of every satellite at Dopplers of so many fractions of the spacing of the lines, and the
+    /// number of transforms.
     fn best_cells(
         &self,
         right: &[Vec<Complex32>],
@@ -323,10 +327,10 @@ impl<'a> Search<'a> {
         (cells, forward + satellites.len() * dopplers * right.len())
     }
 
-    /// The best cell of a satellite in the spectra of all vectors, by fraction of the lines' distance.
+    /// The best cell of a satellite in the spectra of all vectors, by fraction of the spacing of the lines.
     fn best(&self, transmission: Transmission, spectra: &[Vec<Vec<Complex32>>]) -> Cell {
         let bins = self.data.bins;
-        let mut best = Cell { transmission, share: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
+        let mut best = Cell { transmission, fraction: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
         let mut code = self.waveform(&best);
         self.forward.process(&mut code);
         code.iter_mut().for_each(|c| *c = c.conj());
@@ -347,17 +351,17 @@ impl<'a> Search<'a> {
             }
             let peak = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             let (bin, highest) = peak.map_or((0, 0.0), |(bin, p)| (bin, f64::from(*p)));
-            // Both transforms are without a factor: N^2 of the power, and the waveform has norm 1.
-            let share = highest / (bins as f64).powi(2);
-            if share > best.share {
+            // Both transforms are without normalisation: N^2 of the power; the waveform has norm 1.
+            let fraction = highest / (bins as f64).powi(2);
+            if fraction > best.fraction {
                 let doppler_hz = step as f64 * self.doppler_step_hz;
-                best = Cell { share, doppler_hz, delay_bins: bin as f64, ..best };
+                best = Cell { fraction, doppler_hz, delay_bins: bin as f64, ..best };
             }
         }
         best
     }
 
-    /// The waveform of a cell, of norm 1: the code at the instants where samples lie on average.
+    /// The waveform of a cell, of norm 1: the code at the mean sampling instant of each bin.
     fn waveform(&self, cell: &Cell) -> Vec<Complex32> {
         let chips = cell.transmission.code();
         let bins = self.data.bins as f64;
@@ -374,33 +378,34 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    fn share(&self, right: &[Vec<Complex32>], cell: &Cell) -> f64 {
+    fn fraction(&self, right: &[Vec<Complex32>], cell: &Cell) -> f64 {
         let waveform = self.waveform(cell);
         right.iter().map(|row| product(row, &waveform).norm_sqr()).sum()
     }
 
-    /// Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance of early and
-    /// late half a chip away (the correlation of chips is a triangle).
+    /// Interpolates Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance
+    /// of early and late half a chip away (the correlation of chips is a triangle).
     fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
         let half_chip = 0.5 * self.data.bins as f64 / start.transmission.signal.chips as f64;
         let mean = right.len() as f64 / self.data.bins as f64;
-        // A step off, the parabola would not bend. (The cell may come from fewer vectors.)
+        // One step off, the parabola would have no maximum. (The cell may come from fewer vectors.)
         let cells = [-self.doppler_step_hz, self.doppler_step_hz, 0.0].map(|shift| {
             let cell = Cell { doppler_hz: start.doppler_hz + shift, ..start };
-            Cell { share: self.share(right, &cell), ..cell }
+            Cell { fraction: self.fraction(right, &cell), ..cell }
         });
-        let start = cells.into_iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or(start);
+        let start =
+            cells.into_iter().max_by(|a, b| a.fraction.total_cmp(&b.fraction)).unwrap_or(start);
         let mut cell = start;
         for reach_hz in [0.5, 0.24].map(|steps| steps * self.doppler_step_hz) {
             let at = |shift: f64| {
-                self.share(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
+                self.fraction(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
             };
             let [early, late] = [-half_chip, half_chip].map(|d| (at(d) - mean).max(0.0).sqrt());
             if early + late > 0.0 {
                 cell.delay_bins += half_chip * (late - early) / (late + early);
             }
             let at = |shift: f64| {
-                self.share(right, &Cell { doppler_hz: cell.doppler_hz + shift, ..cell })
+                self.fraction(right, &Cell { doppler_hz: cell.doppler_hz + shift, ..cell })
             };
             let [low, middle, high] = [-reach_hz, 0.0, reach_hz].map(at);
             let bend = 2.0 * middle - low - high;
@@ -409,12 +414,13 @@ impl<'a> Search<'a> {
                     (0.5 * reach_hz * (high - low) / bend).clamp(-reach_hz, reach_hz);
             }
         }
-        cell.share = self.share(right, &cell);
-        if cell.share >= start.share { cell } else { start }
+        cell.fraction = self.fraction(right, &cell);
+        if cell.fraction >= start.fraction { cell } else { start }
     }
 
-    /// Despreads the samples with what was found, and takes C/N0 and the last digits of Doppler from them.
-    fn measure(&self, cell: &Cell, components: usize, floor: f64) -> CodeFound {
+    /// Despreads the samples with the cell found, and estimates C/N0 and the remaining Doppler from the
+    /// prompts.
+    fn measure(&self, cell: &Cell, components: usize, noise: f64) -> CodeFound {
         let prompts = self.data.despread(&self.waveform(cell));
         let (elements, periods) = prompts.shape();
         let signature = Signature::estimate(&prompts);
@@ -435,8 +441,8 @@ impl<'a> Search<'a> {
             .flat_map(|k| (0..elements).map(move |m| (m, k)))
             .map(|at| prompts[at].norm_sqr())
             .sum();
-        let snr = power / (floor * (elements * periods) as f64) - 1.0;
-        // The delay is that of the middle of the periods; the code runs with the Doppler.
+        let snr = power / (noise * (elements * periods) as f64) - 1.0;
+        // The delay is that of the middle of the periods; the code rate depends on the Doppler.
         let chips = cell.transmission.signal.chips as f64;
         let drift =
             doppler_hz / cell.transmission.cycles_per_chip() * periods as f64 * self.period_s / 2.0;
@@ -446,30 +452,30 @@ impl<'a> Search<'a> {
             doppler_hz,
             code_phase_chips: code_phase.rem_euclid(chips) % chips,
             cn0_dbhz: 10.0 * (snr.max(1e-3) / self.period_s).log10(),
-            statistic: cell.share * self.data.bins as f64 / components.max(1) as f64,
-            false_alarm: self.false_alarm(cell.share, components),
+            statistic: cell.fraction * self.data.bins as f64 / components.max(1) as f64,
+            false_alarm: self.false_alarm(cell.fraction, components),
         };
-        CodeFound { acquisition, share: cell.share, prompts, signature }
+        CodeFound { acquisition, fraction: cell.fraction, prompts, signature }
     }
 }
 
-/// Probability that the share of a waveform in a random subspace of `components` of `bins` dimensions
-/// exceeds `share`: the Beta law's tail as a binomial sum.
-fn share_tail(share: f64, components: usize, bins: usize) -> f64 {
-    if share <= 0.0 || components >= bins {
+/// Probability that the fraction of a waveform's power in a random subspace of `components` of `bins`
+/// dimensions exceeds `fraction`: the tail of the beta distribution as a binomial sum.
+fn fraction_tail(fraction: f64, components: usize, bins: usize) -> f64 {
+    if fraction <= 0.0 || components >= bins {
         return 1.0;
     }
-    if share >= 1.0 {
+    if fraction >= 1.0 {
         return 0.0;
     }
     let n = (bins - 1) as f64;
-    // Terms as logarithms: (1 - x)^N can leave the range of f64.
-    let mut log_term = n * (-share).ln_1p();
-    let odds = share.ln() - (-share).ln_1p();
+    // Terms as logarithms: (1 - x)^N can exceed the range of f64.
+    let mut log_term = n * (-fraction).ln_1p();
+    let log_ratio = fraction.ln() - (-fraction).ln_1p();
     let mut sum = 0.0;
     for i in 0..components {
         sum += log_term.exp();
-        log_term += ((n - i as f64) / (i + 1) as f64).ln() + odds;
+        log_term += ((n - i as f64) / (i + 1) as f64).ln() + log_ratio;
     }
     sum.min(1.0)
 }
@@ -479,12 +485,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_law_of_the_share_is_the_beta_law() {
+    fn the_fraction_has_the_beta_distribution() {
         // r = 1: P = (1 - x)^(N-1). Mean of Beta(r, N - r) is r/N: the integral of the tail.
-        assert!((share_tail(0.01, 1, 2048) - 0.99f64.powi(2047)).abs() < 1e-15);
+        assert!((fraction_tail(0.01, 1, 2048) - 0.99f64.powi(2047)).abs() < 1e-15);
         let steps = 20_000;
-        let integral: f64 =
-            (0..steps).map(|k| share_tail((f64::from(k) + 0.5) / f64::from(steps), 16, 200)).sum();
+        let integral: f64 = (0..steps)
+            .map(|k| fraction_tail((f64::from(k) + 0.5) / f64::from(steps), 16, 200))
+            .sum();
         assert!((integral / f64::from(steps) - 16.0 / 200.0).abs() < 1e-6);
     }
 }

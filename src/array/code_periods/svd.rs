@@ -1,13 +1,15 @@
-//! The code-period decomposition (route c): how many signals repeat every code period, and their waveforms.
+//! The singular value decomposition of code periods: how many signals repeat every code period, and their
+//! waveforms.
 //!
 //! Let D hold one row per element and code period, and one column per bin of code phase. A satellite with
 //! response a, data d_k and Doppler f adds one term of rank 1, whatever its code:
 //!
 //! (a kron d_k exp(j 2 pi f k T)) x waveform^T, waveform(n) = c(n - tau) exp(j 2 pi f n/N T)
 //!
-//! so that the number of singular values of D above what noise explains (module `random_matrix`) is the
-//! number of satellites, even with one antenna or with more satellites than elements; its right singular
-//! vectors span the code waveforms, and D V is the array despread without knowing any code: +30 dB.
+//! so that the number of singular values of D above the maximum that noise explains
+//! ([`crate::array::decision::random_matrix`]) is the number of satellites, even with one antenna or with
+//! more satellites than elements; its right singular vectors span the code waveforms, and D V is the array
+//! despread without any code: +30 dB.
 //!
 //! Cost: the Gram matrix D D^H (rows^2 N / 2 multiply-adds) and its eigenvalues; rows are at most 1024.
 
@@ -19,10 +21,10 @@ use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use sdr_rx_linalg::hermitian_eigen;
 
-/// Most bins in a code period; at higher rates neighbouring samples are summed.
-const MOST_BINS: usize = 4096;
-/// Most rows, elements x periods: the time that eigenvalues take grows with their cube.
-const MOST_ROWS: usize = 1024;
+/// Maximum number of bins in a code period; at higher rates neighbouring samples are summed.
+const MAX_BINS: usize = 4096;
+/// Maximum number of rows, elements x periods: the cost of eigenvalues grows with their cube.
+const MAX_ROWS: usize = 1024;
 
 /// Samples of all elements, by code period and bin of code phase.
 #[derive(Clone, Debug)]
@@ -36,13 +38,13 @@ pub struct CodePeriods {
     pub periods: usize,
     /// Bins in a code period, N.
     pub bins: usize,
-    /// Where in its bin a sample lies on average, 0 to 1.
+    /// Mean position of a sample in its bin, 0 to 1.
     pub offset: f64,
 }
 
 impl CodePeriods {
-    /// Sorts the first `periods` periods of a signal's code of all channels, as many as there are and as keep the
-    /// rows below 1024. `rate_hz` is at least the chip rate.
+    /// Sorts the first `periods` code periods of a signal of all channels, limited by their length and by
+    /// 1024 rows. `rate_hz` is at least the chip rate.
     ///
     /// # Panics
     /// When a channel is shorter than the first.
@@ -53,23 +55,23 @@ impl CodePeriods {
         let bins = bins_per_period(per_period, signal.chips);
         let bins_per_sample = bins as f64 / per_period;
         let whole = ((samples as f64 + 1e-6) / per_period) as usize;
-        let periods = periods.min(whole).min(MOST_ROWS / elements.max(1));
+        let periods = periods.min(whole).min(MAX_ROWS / elements.max(1));
         // A sample on the edge between two bins belongs to the later one in spite of rounding.
-        let place = |n: usize| n as f64 * bins_per_sample + 1e-6;
-        let used = (0..samples).take_while(|&n| place(n) < (periods * bins) as f64).count();
+        let position = |n: usize| n as f64 * bins_per_sample + 1e-6;
+        let used = (0..samples).take_while(|&n| position(n) < (periods * bins) as f64).count();
         let mut scale = vec![0f32; periods * bins];
-        (0..used).for_each(|n| scale[place(n) as usize] += 1.0);
+        (0..used).for_each(|n| scale[position(n) as usize] += 1.0);
         scale.iter_mut().for_each(|count| *count = count.max(1.0).sqrt().recip());
         let mut rows = Vec::with_capacity(elements * periods);
         for channel in channels {
             let mut sorted = vec![Complex32::ZERO; periods * bins];
             for (n, x) in channel[..used].iter().enumerate() {
-                sorted[place(n) as usize] += x;
+                sorted[position(n) as usize] += x;
             }
             sorted.iter_mut().zip(&scale).for_each(|(x, scale)| *x *= scale);
             rows.extend(sorted.chunks_exact(bins.max(1)).map(<[Complex32]>::to_vec));
         }
-        let offset = (0..used).map(|n| place(n).fract()).sum::<f64>() / used.max(1) as f64;
+        let offset = (0..used).map(|n| position(n).fract()).sum::<f64>() / used.max(1) as f64;
         Self { rows, elements, periods, bins, offset }
     }
 
@@ -84,22 +86,22 @@ impl CodePeriods {
 /// The decomposition D = U S V^H of the code periods.
 #[derive(Clone, Debug)]
 pub struct CodePeriodSvd {
-    /// Squared singular values over N, descending: of noise alone about the variance of a bin.
+    /// Squared singular values over N, descending: with noise alone about the variance of a bin.
     pub eigenvalues: Vec<f64>,
-    /// Number of signals, and the variance of a bin's noise.
+    /// Number of signals, and the noise variance of a bin.
     pub division: Division,
     /// The first right singular vectors: rows of V^H, of norm 1.
     pub right: Vec<Vec<Complex32>>,
-    /// D V: a column for each of them.
+    /// D V: a column for each right vector.
     left: CMat,
     elements: usize,
     periods: usize,
 }
 
 impl CodePeriodSvd {
-    /// Decomposes, with `components` right vectors (or the number of signals, where that is greater).
-    /// `nulled` spatial directions were projected away beforehand. Noise alone gives a signal with
-    /// probability `false_alarm`. `None` where there are no samples, or any that is not finite.
+    /// Decomposes, with `components` right vectors (or the number of signals, if larger). `nulled` spatial
+    /// directions were projected away beforehand. Noise alone gives a signal with probability `false_alarm`.
+    /// `None` without samples, or if any is not finite.
     pub fn new(
         data: &CodePeriods,
         components: usize,
@@ -111,7 +113,7 @@ impl CodePeriodSvd {
         let (eigenvalues, vectors) = hermitian_eigen(&covariance(&rows))?;
         let nulled = nulled * data.periods;
         let division = random_matrix::divide(&eigenvalues, data.bins, nulled, false_alarm);
-        let alive = eigenvalues.iter().take_while(|&&l| l > 1e-9 * division.floor).count();
+        let alive = eigenvalues.iter().take_while(|&&l| l > 1e-9 * division.noise_variance).count();
         let count = components.max(division.rank).min(alive);
         let size = |j: usize| (eigenvalues[j] * bins).sqrt();
         let right = (0..count)
@@ -129,9 +131,9 @@ impl CodePeriodSvd {
         Some(Self { eigenvalues, division, right, left, elements, periods })
     }
 
-    /// The array despread blindly: for each signal K snapshots of all elements, M x (K rank). Their noise
-    /// has the variance `division.floor`; snapshots of one column of V hold several satellites, but all of
-    /// them far above the noise.
+    /// The array despread without codes: for each signal K snapshots of all elements, M x (K rank). Their
+    /// noise has the variance `division.noise_variance`; snapshots of one column of V hold several
+    /// satellites, all of them far above the noise.
     pub fn snapshots(&self) -> CMat {
         CMat::from_fn(self.elements, self.periods * self.division.rank, |m, column| {
             let (j, k) = (column / self.periods, column % self.periods);
@@ -141,10 +143,10 @@ impl CodePeriodSvd {
 }
 
 /// Bins per code period: as many as samples or slightly fewer, at high rates a fraction of them; with prime
-/// factors 2, 3 and 5 only, for the sake of the transforms.
+/// factors 2, 3 and 5 only, for fast transforms.
 fn bins_per_period(samples: f64, chips: usize) -> usize {
     let whole = (samples + 1e-6) as usize;
-    let most = whole / whole.div_ceil(MOST_BINS).max(1);
+    let most = whole / whole.div_ceil(MAX_BINS).max(1);
     let is_smooth = |n: &usize| {
         [2, 3, 5].into_iter().fold(*n, |mut rest, prime| {
             while rest > 0 && rest.is_multiple_of(prime) {
@@ -195,7 +197,7 @@ mod tests {
     use crate::gnss::signal::GPS_L1_CA;
 
     #[test]
-    fn periods_have_as_many_bins_as_samples_or_a_fraction_of_them() {
+    fn the_number_of_bins_is_that_of_samples_or_a_fraction_of_it() {
         for (rate, bins) in
             [(2.048e6, 2048), (2e6, 2000), (2.6e6, 2592), (4e6, 4000), (5e6, 2500), (20e6, 4000)]
         {
@@ -205,7 +207,8 @@ mod tests {
 
     #[test]
     fn terms_that_repeat_every_period_are_counted_and_their_waveforms_found() {
-        // Three terms of the size of the noise or a little less, on one element, 40 periods of 1500 bins.
+        // Three terms of about the power of the noise or a little less, on one element, 40 periods of 1500
+        // bins.
         let (periods, bins, terms) = (40, 1500, 3);
         let mut state = 7u64;
         let mut sign = || {
@@ -230,20 +233,20 @@ mod tests {
         assert_eq!((data.periods, data.bins, data.rows.len()), (periods, bins, periods));
         let svd = CodePeriodSvd::new(&data, 0, 0, 1e-4).unwrap();
         assert_eq!(svd.division.rank, terms);
-        // The mean of 6e4 powers of 1, within five standard deviations, and the part of the signals'
-        // random cross terms that the noise eigenvalues take.
+        // The mean of 6e4 powers of 1, within five standard deviations, and the fraction of the signals'
+        // random cross terms in the noise eigenvalues.
         assert!(
-            (svd.division.floor - 1.0).abs() < 5.0 / 6e4f64.sqrt() + 0.01,
+            (svd.division.noise_variance - 1.0).abs() < 5.0 / 6e4f64.sqrt() + 0.01,
             "{:?}",
             svd.division
         );
         assert_eq!(svd.snapshots().shape(), (1, periods * terms));
         for wave in &waves {
             let wave: Vec<Complex32> = wave.iter().map(|&w| Complex32::from(w)).collect();
-            let share: f64 = svd.right.iter().map(|v| product(v, &wave).norm_sqr()).sum();
-            // Share of the waveform in the span (Benaych-Georges and Nadakuditi 2012), at a power ratio of
+            let fraction: f64 = svd.right.iter().map(|v| product(v, &wave).norm_sqr()).sum();
+            // Fraction of the waveform in the span (Benaych-Georges and Nadakuditi 2012), at a power ratio of
             // p = 40 x 0.36 and c = 40/1500: (1 - c/p^2)/(1 + 1/p) = 0.935; some per cent of scatter.
-            assert!(share / bins as f64 > 0.9, "{share}");
+            assert!(fraction / bins as f64 > 0.9, "{fraction}");
         }
     }
 }

@@ -1,15 +1,15 @@
 //! JANE: joint angle and number estimation.
 //!
 //! The decision of Li, Huang, Liu, Feng and Chen ("Acquisition of visible satellites based on antenna arrays
-//! via joint l1,1-norms minimization", IEEE TVT 72(5), 2023) made sharp: the sparse estimate (or nothing)
-//! gives candidates, robust maximum likelihood moves them off the grid, a test with a known false-alarm
-//! probability keeps or drops each, and a scan of what is left looks for more until there is none. See
-//! `robust_fit` and [`super::scan`] for the two halves.
+//! via joint l1,1-norms minimization", IEEE TVT 72(5), 2023) with a statistical test: the sparse estimate (or
+//! nothing) gives candidates, robust maximum likelihood estimates their directions off the grid, a test with
+//! a known false-alarm probability keeps or drops each, and a scan of the residual searches more until there
+//! is none. See `robust_fit` and [`super::scan`] for the two parts.
 //!
-//! Source q stays when T_q = sum_n |x_qn|^2 / var(x_qn), which is Gamma(N, 1) when there is no source, exceeds
-//! the threshold that noise exceeds anywhere on the manifold with the probability asked for; the same
-//! threshold holds for the scan, sum_n |a^H W r_n|^2 / (|a|^2 I) with a outside of the sources' span and I the
-//! mean of |W r|^2 (times M / (M - Q)).
+//! Source q is kept when T_q = sum_n |x_qn|^2 / var(x_qn), which is Gamma(N, 1) when there is no source,
+//! exceeds the threshold that noise exceeds anywhere on the manifold with the requested probability; the same
+//! threshold holds for the scan, sum_n |a^H W r_n|^2 / (|a|^2 I) with a outside of the sources' span and I
+//! the mean of |W r|^2 (times M / (M - Q)).
 
 use super::robust_fit::{RobustFit, Tested};
 use super::scan::Scan;
@@ -17,15 +17,15 @@ use crate::array::CMat;
 use crate::array::geometry::{Bearing, Manifold, Point};
 use crate::front_end::mixture::Mixture;
 
-/// How to decide.
+/// Options of the decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JaneOptions {
     /// Probability of a source where there is none, 0 to 1, both excluded.
     pub false_alarm: f64,
-    /// No more sources than this; always fewer than elements.
+    /// Maximum number of sources; always fewer than elements.
     pub max_sources: usize,
-    /// Error of the responses known of, as a share of their power (variance of gain, plus that of phase in
-    /// rad): strong sources then do not make weak ones beside themselves.
+    /// Error of the known responses, as a fraction of their power (variance of gain, plus that of phase in
+    /// rad): strong sources then do not cause weak false ones next to them.
     pub mismatch: f64,
 }
 
@@ -35,12 +35,12 @@ impl Default for JaneOptions {
     }
 }
 
-/// Why there is no decision.
+/// Why no decision is possible.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum JaneError {
-    /// One element, or all in one place.
+    /// One element, or all in one position.
     #[error(
-        "deciding on sources: the array has no extent, so it cannot tell directions; give the positions of two or more elements"
+        "deciding on sources: the array has no extent, so it cannot resolve directions; give the positions of two or more elements"
     )]
     NoDirections,
     /// Data of another array.
@@ -55,15 +55,13 @@ pub enum JaneError {
         /// Elements of the array.
         elements: usize,
     },
-    /// Numbers that are none, or all zero.
+    /// Data that are not finite, or all zero.
     #[error(
         "deciding on sources: the data is zero throughout, or holds a number that is not finite"
     )]
     NoPower,
     /// Not a probability.
-    #[error(
-        "deciding on sources: a false-alarm probability of {0} was asked for; it lies between 0 and 1"
-    )]
+    #[error("deciding on sources: the false-alarm probability is {0}; it must lie between 0 and 1")]
     FalseAlarm(f64),
 }
 
@@ -80,24 +78,24 @@ pub struct Source {
     pub bearing_sigma: [f64; 2],
     /// Mean power at an element of unit gain, in the data's units squared.
     pub power: f64,
-    /// T of the module's text: Gamma(N, 1) without a source.
+    /// T of the module's documentation: Gamma(N, 1) without a source.
     pub statistic: f64,
 }
 
-/// What was decided.
+/// Result of the decision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
     /// The sources, the strongest first.
     pub sources: Vec<Source>,
-    /// The law of the noise of a sample.
+    /// The distribution of the noise of a sample.
     pub noise: Mixture,
-    /// Fisher information of a sample: 1 / variance of the Gaussian noise that would do as much harm.
+    /// Fisher information of a sample: 1 / variance of the Gaussian noise with the same effect.
     pub information: f64,
-    /// What each statistic had to exceed.
+    /// Threshold of the statistics.
     pub threshold: f64,
 }
 
-/// The decision for one array: tables that many calls share.
+/// The decision for one array: tables that are common to many calls.
 ///
 /// A call costs some 20 rounds of O(M N Q^2): a few ms for M = 50, N = 100 and four sources.
 #[derive(Clone, Debug)]
@@ -127,7 +125,7 @@ impl Jane {
     }
 
     /// Sources in snapshots (elements x snapshots) with white, perhaps impulsive noise, from candidates
-    /// `start`: the groups of [`super::row_rule::row_rule`], or none, which does as well.
+    /// `start`: the groups of [`super::row_rule::row_rule`], or none, which gives equal results.
     ///
     /// # Errors
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
@@ -142,25 +140,25 @@ impl Jane {
         start.iter().take(most.min(elements / 3)).for_each(|p| fit.add(*p));
         fit.settle(ROUGHLY.0, ROUGHLY.1);
         self.prune(&mut fit, threshold);
-        // The law of the noise is fitted anew once nothing more is found; what it hid may then appear.
-        let mut law_is_new = false;
+        // The noise is fitted again once no more source is found; sources that it hid may then appear.
+        let mut noise_is_new = false;
         loop {
             if fit.points().len() < most
                 && let Some(point) = self.another(&fit, threshold, count)
             {
                 fit.add(point);
                 fit.settle(ROUGHLY.0, ROUGHLY.1);
-                // What does not hold once the others have made room would be found again for ever.
+                // A source that fails after the others have moved would be found again endlessly.
                 if self.prune(&mut fit, threshold) {
-                    law_is_new = false;
+                    noise_is_new = false;
                     continue;
                 }
             }
-            if law_is_new {
+            if noise_is_new {
                 break;
             }
-            law_is_new = true;
-            fit.refit_law();
+            noise_is_new = true;
+            fit.refit_noise();
             fit.settle(FINELY.0, FINELY.1);
         }
         self.prune(&mut fit, threshold);
@@ -178,7 +176,7 @@ impl Jane {
         if power > 0.0 && power.is_finite() { Ok(elements) } else { Err(JaneError::NoPower) }
     }
 
-    /// Takes out the weakest source until all pass. Whether the last that was added is still there.
+    /// Removes the weakest sources until all pass; returns whether the last that was added is kept.
     fn prune(&self, fit: &mut RobustFit<'_>, threshold: f64) -> bool {
         let reach = self.scan.step();
         let mut last_stays = true;
@@ -200,11 +198,11 @@ impl Jane {
         }
     }
 
-    /// Where the scan finds another source.
+    /// Direction of another source found by the scan.
     fn another(&self, fit: &RobustFit<'_>, threshold: f64, count: f64) -> Option<Point> {
         let data = fit.weighted_residual();
         let (point, score) = self.scan.strongest(&data, &fit.responses())?;
-        // What the errors of the responses to known sources may put into one beam.
+        // Maximum power in one beam due to errors of the responses to known sources.
         let known: f64 = fit.tested().iter().map(|t| t.power).sum();
         let information = fit.information();
         let errors = count * information * known * self.mismatch_factor();
@@ -221,11 +219,11 @@ impl Jane {
         let sources = sources
             .map(|(point, t)| self.source(*point, t.covariance, t.power, t.statistic))
             .collect();
-        let (noise, information) = (fit.law(), fit.information());
+        let (noise, information) = (fit.noise(), fit.information());
         sorted(Decision { sources, noise, information, threshold })
     }
 
-    /// A source, its angles reckoned from its coordinates.
+    /// A source, with its angles computed from its coordinates.
     pub(super) fn source(
         &self,
         point: Point,
@@ -245,8 +243,8 @@ impl Jane {
     }
 }
 
-/// Rounds of the fit after each change, and when nothing more is found: how many at most, and the step, in
-/// standard deviations, that ends them.
+/// Iterations of the fit after each change, and when no more source is found: their maximum number, and the
+/// step, in standard deviations, below which they end.
 const ROUGHLY: (usize, f64) = (6, 0.3);
 const FINELY: (usize, f64) = (40, 0.01);
 
@@ -294,7 +292,7 @@ mod tests {
     use num_complex::Complex64;
 
     #[test]
-    fn what_cannot_be_decided_is_said() {
+    fn impossible_decisions_are_errors() {
         let manifold = |count| Manifold::new(AntennaArray::half_wavelength(count));
         let none = Jane::new(&manifold(1), JaneOptions::default()).err();
         assert_eq!(none, Some(JaneError::NoDirections));
@@ -316,19 +314,19 @@ mod tests {
     }
 
     #[test]
-    fn data_without_noise_does_no_harm() {
+    fn data_without_noise_are_decided() {
         let manifold = Manifold::new(AntennaArray::half_wavelength(8));
         let jane = Jane::new(&manifold, JaneOptions::default()).unwrap();
         let a = manifold.response([0.3, 0.0]);
         let clean = CMat::from_fn(8, 20, |m, n| a[m] * Complex64::cis(n as f64));
         let found = jane.decide(&clean, &[]).unwrap().sources;
         assert!((found[0].point[0] - 0.3).abs() < 1e-6, "{found:?}");
-        // As many as one wave looks like to rounding; never as many as elements.
+        // As many as one wave resembles after rounding; never as many as elements.
         assert!(found.len() < 8);
     }
 
     #[test]
-    fn deviations_of_angles_follow_from_those_of_the_cosines() {
+    fn standard_deviations_of_angles_follow_from_those_of_the_cosines() {
         let line = Manifold::new(AntennaArray::half_wavelength(4));
         // d theta = d s / cos theta.
         let [angle, none] = bearing_sigma(&line, [0.6, 0.0], [[1e-4, 0.0], [0.0, 0.0]]);

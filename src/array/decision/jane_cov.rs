@@ -1,8 +1,8 @@
-//! JANE from a covariance: the same decision where thousands of snapshots lie far below the noise.
+//! JANE from a covariance: the same decision for thousands of snapshots far below the noise.
 //!
-//! A satellite is some 20 dB under the noise of a sample, so that one needs 10^4 samples and more. All that
-//! they tell of directions is then in R = (1 / T) sum y y^H of T samples, impulses having been suppressed
-//! before (see [`crate::front_end`]). Deterministic maximum likelihood minimises tr(P R), P = I - A A^+; its
+//! A satellite is some 20 dB under the noise of a sample, so that 10^4 samples and more are needed. All
+//! information on directions is then in R = (1 / T) sum y y^H of T samples, after impulses are suppressed
+//! (see [`crate::front_end`]). Deterministic maximum likelihood minimises tr(P R), P = I - A A^+; its
 //! Gauss-Newton step for uncorrelated sources is
 //!
 //! delta_q = \[ p_q Re D_q^H P D_q \]^-1 Re (A^+ R P D_q)_q
@@ -22,16 +22,16 @@ use crate::array::geometry::{Manifold, Point, dictionary, inverse};
 use crate::front_end::mixture::Mixture;
 use sdr_rx_linalg::{Cholesky, adjoint_product, hermitian_eigen, product};
 
-/// Rounds at most, and the step over its standard deviation that ends them.
-const ROUNDS: usize = 60;
-const SETTLED: f64 = 0.01;
+/// Maximum number of iterations, and the step over its standard deviation that ends them.
+const ITERATIONS: usize = 60;
+const CONVERGED: f64 = 0.01;
 
 impl Jane {
     /// Sources in the sample covariance R (elements x elements) of `samples` independent samples (where
     /// neighbouring samples are correlated, fewer: their number over sum_k |rho_k|^2), whose noise is white
-    /// with the variance `noise`, or one that R tells. Starts from the directions `start`, or none.
+    /// with the variance `noise`, or estimated from R. Starts from the directions `start`, or none.
     ///
-    /// Compressed snapshots u_k sqrt(lambda_k - sigma^2), columns of C, stand for R = C C^H + sigma^2 I.
+    /// Compressed snapshots u_k sqrt(lambda_k - sigma^2), columns of C, represent R = C C^H + sigma^2 I.
     ///
     /// # Errors
     /// [`JaneError::Shape`], [`JaneError::NoPower`].
@@ -76,11 +76,12 @@ impl Jane {
                 self.source(fit.points[q], fit.covariances[q], fit.powers[q], fit.statistics[q])
             })
             .collect();
-        let noise = Mixture { share: 0.0, background: fit.noise, impulse: fit.noise, real: false };
+        let noise =
+            Mixture { probability: 0.0, background: fit.noise, impulse: fit.noise, real: false };
         Ok(sorted(Decision { sources, noise, information: 1.0 / fit.noise, threshold }))
     }
 
-    /// Without the sources that fail, the weakest first; and whether the last is still there.
+    /// Removes the sources that fail, the weakest first; also returns whether the last is kept.
     fn pruned(&self, data: &CovarianceData<'_>, mut fit: Fit, threshold: f64) -> (Fit, bool) {
         let reach = self.scan.step();
         let mut last_stays = true;
@@ -106,7 +107,7 @@ struct CovarianceData<'a> {
     noise: Option<f64>,
 }
 
-/// Sources at the minimum of tr(P R), and what is known of each.
+/// Sources at the minimum of tr(P R), and the estimates of each.
 struct Fit {
     points: Vec<Point>,
     responses: CMat,
@@ -114,27 +115,27 @@ struct Fit {
     powers: Vec<f64>,
     statistics: Vec<f64>,
     covariances: Vec<[[f64; 2]; 2]>,
-    /// Gauss-Newton step from here.
+    /// Gauss-Newton step.
     steps: Vec<Point>,
     /// tr(P R).
     outside: f64,
 }
 
 impl CovarianceData<'_> {
-    /// From these points downhill.
+    /// Descends from these points to the minimum.
     fn settled(&self, points: Vec<Point>, reach: f64) -> Fit {
         let mut fit = self.at(points);
-        for _ in 0..ROUNDS {
+        for _ in 0..ITERATIONS {
             let Some(next) = self.downhill(&fit, reach) else { break };
             let longest = fit.points.iter().zip(&next.points).zip(&fit.covariances);
             let longest = longest.map(|((from, to), covariance)| {
-                let share =
+                let relative =
                     |k: usize| (to[k] - from[k]).abs() / covariance[k][k].sqrt().max(1e-300);
-                (0..self.manifold.dimensions()).map(share).fold(0.0, f64::max)
+                (0..self.manifold.dimensions()).map(relative).fold(0.0, f64::max)
             });
             let longest = longest.fold(0.0, f64::max);
             fit = next;
-            if longest < SETTLED {
+            if longest < CONVERGED {
                 break;
             }
         }
@@ -159,12 +160,12 @@ impl CovarianceData<'_> {
         None
     }
 
-    /// All that is to be known at these points.
+    /// All estimates at these points.
     fn at(&self, points: Vec<Point>) -> Fit {
         let (elements, dimensions) = (self.manifold.elements(), self.manifold.dimensions());
         let responses = dictionary(self.manifold, &points);
         let mut gram = adjoint_product(&responses, &responses);
-        // Two sources in one place: as far apart as rounding.
+        // Two sources in one position: separated by rounding.
         (0..points.len()).for_each(|q| gram[(q, q)] *= 1.0 + 1e-12);
         let unit = CMat::identity(points.len(), points.len());
         let inverse_gram = match Cholesky::new(&gram) {
@@ -195,13 +196,13 @@ impl CovarianceData<'_> {
         for (q, point) in fit.points.iter().enumerate() {
             let slopes = self.manifold.derivatives(*point);
             let d = CMat::from_fn(elements, dimensions, |m, k| slopes[k][m]);
-            let shadow = adjoint_product(&fit.responses, &d);
-            let inside = adjoint_product(&shadow, &product(&inverse_gram, &shadow));
+            let projection = adjoint_product(&fit.responses, &d);
+            let inside = adjoint_product(&projection, &product(&inverse_gram, &projection));
             let curvature = adjoint_product(&d, &d) - inside;
             let slope = product(&crossed, &d);
             let signal = signals[(q, q)].re;
             let beam = noise * inverse_gram[(q, q)].re;
-            // Less than its own uncertainty is no power to divide by.
+            // A power below its own uncertainty is not divided by.
             let power = (signal - beam).max(beam / self.samples.sqrt());
             let inverse = inverse(|i, j| curvature[(i, j)].re, dimensions);
             let step = |i: usize| {

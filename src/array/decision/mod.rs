@@ -1,4 +1,4 @@
-//! How many sources there are, and where: JANE, the row rule, and the distributions of what noise alone gives.
+//! How many sources there are, and where: JANE, the row rule, and the distributions under noise alone.
 
 pub mod jane;
 mod jane_cov;

@@ -1,15 +1,15 @@
-//! What the eigenvalues of a covariance look like under noise alone, and the threshold that follows.
+//! The distribution of a covariance's eigenvalues under noise alone, and the threshold that follows.
 //!
 //! Let X be p x n with independent entries of zero mean and unit variance (complex). The eigenvalues of
-//! X X^H / n fill the interval (1 +- sqrt(p/n))^2 (Marchenko and Pastur 1967). The greatest, l, follows
-//! the law of Tracy and Widom for beta = 2 (Johansson 2000; Johnstone, Ann. Statist. 29, 2001, of whom
+//! X X^H / n fill the interval (1 +- sqrt(p/n))^2 (Marchenko and Pastur 1967). The largest, l, follows the
+//! distribution of Tracy and Widom for beta = 2 (Johansson 2000; Johnstone, Ann. Statist. 29, 2001, of whom
 //! this is the complex case):
 //!
 //! (n l - mu) / sigma ~ TW2, mu = (sqrt n + sqrt p)^2, sigma = (sqrt n + sqrt p)(1/sqrt n + 1/sqrt p)^(1/3)
 //!
-//! The law holds for any independent entries of four moments, so also for noise after a memoryless map.
+//! This holds for any independent entries with four moments, so also for noise after a memoryless map.
 
-/// Mean of the Tracy-Widom law of beta = 2 (Bornemann, Markov Process. Related Fields 16, 2010).
+/// Mean of the Tracy-Widom distribution of beta = 2 (Bornemann, Markov Process. Related Fields 16, 2010).
 #[cfg(test)]
 const TW2_MEAN: f64 = -1.771_086_807_4;
 /// Its variance.
@@ -19,26 +19,26 @@ const TW2_VARIANCE: f64 = 0.813_194_792_8;
 #[cfg(test)]
 const TW2_SKEWNESS: f64 = 0.224_084_203_6;
 
-/// The gamma law, shifted, that has the first three moments of TW2 (Chiani, J. Multivar. Anal. 129,
+/// The gamma distribution, shifted, that has the first three moments of TW2 (Chiani, J. Multivar. Anal. 129,
 /// 2014, table 1): shape, scale, shift.
 const TW2_GAMMA: (f64, f64, f64) = (79.659_5, 0.101_037, 9.819_61);
 
-/// Centre and width of the greatest eigenvalue of X X^H / `samples` for noise of unit variance.
-pub fn greatest_eigenvalue(dimension: usize, samples: usize) -> (f64, f64) {
+/// Centre and width of the largest eigenvalue of X X^H / `samples` for noise of unit variance.
+pub fn largest_eigenvalue(dimension: usize, samples: usize) -> (f64, f64) {
     let (p, n) = ((dimension.max(1) as f64).sqrt(), (samples.max(1) as f64).sqrt());
     let centre = (n + p).powi(2);
     let width = (n + p) * (1.0 / n + 1.0 / p).cbrt();
     (centre / (n * n), width / (n * n))
 }
 
-/// Probability that a variable of the Tracy-Widom law (beta = 2) exceeds `s`; to a few per cent of
+/// Probability that a variable of the Tracy-Widom distribution (beta = 2) exceeds `s`; to a few per cent of
 /// itself down to 1e-5.
 pub fn tracy_widom_tail(s: f64) -> f64 {
     let (shape, scale, shift) = TW2_GAMMA;
     gamma_tail(shape, (s + shift) / scale)
 }
 
-/// What a variable of the Tracy-Widom law (beta = 2) exceeds with probability `false_alarm`.
+/// Value that a variable of the Tracy-Widom distribution (beta = 2) exceeds with probability `false_alarm`.
 pub fn tracy_widom_quantile(false_alarm: f64) -> f64 {
     let (mut low, mut high) = (-9.0, 40.0);
     for _ in 0..60 {
@@ -48,14 +48,14 @@ pub fn tracy_widom_quantile(false_alarm: f64) -> f64 {
     high
 }
 
-/// What the greatest eigenvalue of X X^H / `samples` exceeds with probability `false_alarm` for noise of
+/// Value that the largest eigenvalue of X X^H / `samples` exceeds with probability `false_alarm` for noise of
 /// unit variance.
 pub fn eigenvalue_threshold(dimension: usize, samples: usize, false_alarm: f64) -> f64 {
-    let (centre, width) = greatest_eigenvalue(dimension, samples);
+    let (centre, width) = largest_eigenvalue(dimension, samples);
     centre + width * tracy_widom_quantile(false_alarm)
 }
 
-/// The same for the greatest singular value of X itself.
+/// The same for the largest singular value of X itself.
 pub fn singular_value_threshold(dimension: usize, samples: usize, false_alarm: f64) -> f64 {
     (eigenvalue_threshold(dimension, samples, false_alarm) * samples as f64).sqrt()
 }
@@ -66,36 +66,37 @@ pub struct Division {
     /// Number of eigenvalues that noise alone does not explain.
     pub rank: usize,
     /// Variance of the noise.
-    pub floor: f64,
+    pub noise_variance: f64,
     /// The threshold that those eigenvalues exceed.
     pub threshold: f64,
 }
 
-/// Divides the eigenvalues of X X^H / `samples` (descending) into signals and noise of unknown variance;
-/// of these, the `nulled` least are left out of account (directions that were projected away). Noise
-/// alone gives a rank above 0 with probability `false_alarm`.
+/// Divides the eigenvalues of X X^H / `samples` (descending) into signals and noise of unknown variance; of
+/// these, the `nulled` smallest are ignored (directions that were projected away). Noise alone gives a rank
+/// above 0 with probability `false_alarm`.
 ///
-/// The floor is the mean of the noise eigenvalues over 1 - rank/samples, the share of the noise that is
-/// not hidden behind the signals' right singular vectors; rank and floor are repeated until they agree.
+/// The noise variance is the mean of the noise eigenvalues over 1 - rank/samples, the fraction of the noise
+/// that is not in the span of the signals' right singular vectors; rank and variance are iterated until they
+/// agree.
 pub fn divide(eigenvalues: &[f64], samples: usize, nulled: usize, false_alarm: f64) -> Division {
     let count = eigenvalues.len().saturating_sub(nulled);
     let mut rank = 0;
     loop {
         let noise = &eigenvalues[rank.min(count)..count];
         let seen = 1.0 - rank as f64 / samples.max(rank + 1) as f64;
-        let floor = noise.iter().sum::<f64>() / noise.len().max(1) as f64 / seen;
-        let threshold = floor * eigenvalue_threshold(noise.len(), samples, false_alarm);
+        let noise_variance = noise.iter().sum::<f64>() / noise.len().max(1) as f64 / seen;
+        let threshold = noise_variance * eigenvalue_threshold(noise.len(), samples, false_alarm);
         let more = noise.iter().take_while(|&&l| l > threshold).count();
-        // At least one eigenvalue must remain to tell the floor by.
+        // At least one eigenvalue must remain to estimate the noise variance.
         if more == 0 || rank + more >= count {
-            return Division { rank, floor, threshold };
+            return Division { rank, noise_variance, threshold };
         }
         rank += more;
     }
 }
 
-/// P(X > x) for the gamma law of this shape (at least 10) and scale 1: by its series or its continued
-/// fraction (Abramowitz and Stegun 6.5.29 and 6.5.31).
+/// P(X > x) for the gamma distribution of this shape (at least 10) and scale 1: by its series or its
+/// continued fraction (Abramowitz and Stegun 6.5.29 and 6.5.31).
 fn gamma_tail(shape: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 1.0;
@@ -114,7 +115,7 @@ fn gamma_tail(shape: f64, x: f64) -> f64 {
         }
         return (1.0 - front * sum).clamp(0.0, 1.0);
     }
-    // Backwards from a depth where it has long converged.
+    // Backwards from a depth where it has converged.
     let fraction = (1..500)
         .rev()
         .map(f64::from)
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gamma_law_has_the_moments_of_the_tracy_widom_law_and_its_tail() {
+    fn the_gamma_distribution_has_the_moments_and_tail_of_the_tracy_widom_distribution() {
         let (shape, scale, shift) = TW2_GAMMA;
         assert!((shape * scale - shift - TW2_MEAN).abs() < 1e-4);
         assert!((shape * scale * scale - TW2_VARIANCE).abs() < 1e-4);
@@ -160,23 +161,25 @@ mod tests {
             let [a, d] = airy(s);
             let trace = (2.0 * s * s * a * a - 2.0 * s * d * d - a * d) / 3.0;
             let tail = tracy_widom_tail(s);
-            // The gamma law's own error (Chiani's figure 2) is below 7 % where probabilities exceed 1e-5.
+            // The gamma distribution's own error (Chiani's figure 2) is below 7 % where probabilities exceed
+            // 1e-5.
             assert!((tail / trace - 1.0).abs() < 0.07 + trace, "{s}: {tail:e} against {trace:e}");
             assert!((tracy_widom_quantile(tail) - s).abs() < 1e-9);
         }
     }
 
     #[test]
-    fn signals_above_the_edge_are_counted_and_the_floor_is_the_noises() {
-        // The Marchenko-Pastur law of ratio 1/4 is replaced by evenly spread eigenvalues of mean 1 in it.
+    fn signals_above_the_edge_are_counted_and_the_noise_variance_is_correct() {
+        // The Marchenko-Pastur distribution of ratio 1/4 is replaced by evenly spread eigenvalues of mean 1
+        // in it.
         let noise = (0..40).map(|k| 1.9 - 1.8 * f64::from(k) / 39.0);
         let spectrum: Vec<f64> =
             [90.0, 8.0, 3.0].into_iter().chain(noise).map(|l| 2.0 * l).collect();
         let division = divide(&spectrum, 160, 0, 1e-4);
         assert_eq!(division.rank, 3);
-        assert!((division.floor - 2.0 / (1.0 - 3.0 / 160.0)).abs() < 1e-9);
+        assert!((division.noise_variance - 2.0 / (1.0 - 3.0 / 160.0)).abs() < 1e-9);
         assert_eq!(divide(&spectrum[3..], 160, 0, 1e-4).rank, 0);
-        // What was projected away lowers no floor.
+        // Directions that were projected away do not lower the noise variance.
         let nulled: Vec<f64> = spectrum.iter().copied().chain([1e-9, 0.0]).collect();
         assert_eq!(divide(&nulled, 160, 2, 1e-4), division);
     }

@@ -1,16 +1,16 @@
 //! Robust maximum likelihood: directions and signals of a given number of sources in impulsive noise.
 //!
 //! The model of snapshot n is y_n = A(theta) x_n + e_n, the samples of e being independent draws from a
-//! mixture of two circular Gaussians. Expectation and maximisation replaces the mixture by weights
-//! w = E\[1 / variance | residual\] (Dempster, Laird and Rubin 1977), so that each round is a weighted least
-//! squares problem: with W_n = diag(w), G_n = A^H W_n A, D the derivatives of A by the coordinates and
-//! P_n = W_n - W_n A G_n^-1 A^H W_n, the Gauss-Newton step of the coordinates, signals eliminated, solves
+//! mixture of two circular Gaussians. Expectation maximisation replaces the mixture by weights w = E\[1 /
+//! variance | residual\] (Dempster, Laird and Rubin 1977), so that each iteration is a weighted least-squares
+//! problem: with W_n = diag(w), G_n = A^H W_n A, D the derivatives of A by the coordinates and P_n = W_n -
+//! W_n A G_n^-1 A^H W_n, the Gauss-Newton step of the coordinates, signals eliminated, solves
 //!
 //! H delta = g,  H_pq = sum_n Re conj(x_pn) x_qn d_p^H P_n d_q,  g_p = sum_n Re conj(x_pn) d_p^H P_n r_n
 //!
 //! and the signals follow linearly. A step that raises sum w |r|^2 is halved, hence the likelihood never
-//! falls. The law of the noise is improved by one round along with each set of weights; the residuals'
-//! powers are scaled by M / (M - Q) for the Q unknowns that each snapshot of M samples determines.
+//! falls. The distribution of the noise is improved by one iteration along with each set of weights; the
+//! residuals' powers are scaled by M / (M - Q) for the Q unknowns that each snapshot of M samples determines.
 
 use crate::array::CMat;
 use crate::array::geometry::{Manifold, Point, dictionary};
@@ -20,17 +20,17 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use sdr_rx_linalg::{adjoint_product, product, real_product, subtracted_from};
 
-/// Sources, their signals and the law of the noise, on the way to the likeliest.
+/// Estimates of sources, their signals and the distribution of the noise during the maximisation.
 pub(super) struct RobustFit<'a> {
     manifold: &'a Manifold,
     data: &'a CMat,
-    /// Longest step of a coordinate.
+    /// Maximum step of a coordinate.
     reach: f64,
     points: Vec<Point>,
     /// Sources x snapshots.
     signals: CMat,
     residual: CMat,
-    law: Mixture,
+    noise: Mixture,
     weights: Mat<f64>,
     /// Mean of w, and of w^2 |r|^2, the Fisher information of a sample.
     mean_weight: f64,
@@ -38,7 +38,7 @@ pub(super) struct RobustFit<'a> {
     normal: Option<Normal>,
 }
 
-/// The normal equations of one round.
+/// The normal equations of one iteration.
 struct Normal {
     /// Of each snapshot: the Cholesky factor of G, of L^-1 A^H W D a column per coordinate, L^-1 A^H W r.
     blocks: Vec<Complex64>,
@@ -56,25 +56,25 @@ impl<'a> RobustFit<'a> {
             points: Vec::new(),
             signals: CMat::zeros(0, data.ncols()),
             residual: data.clone(),
-            law: Mixture { share: 0.0, background: 1.0, impulse: 1.0, real: false },
+            noise: Mixture { probability: 0.0, background: 1.0, impulse: 1.0, real: false },
             weights: Mat::zeros(data.nrows(), data.ncols()),
             mean_weight: 0.0,
             information: 0.0,
             normal: None,
         };
-        fit.start_law();
-        (fit.law.background > 0.0 && fit.mean_weight.is_finite()).then_some(fit)
+        fit.start_noise();
+        (fit.noise.background > 0.0 && fit.mean_weight.is_finite()).then_some(fit)
     }
 
     pub fn points(&self) -> &[Point] {
         &self.points
     }
 
-    pub fn law(&self) -> Mixture {
-        self.law
+    pub fn noise(&self) -> Mixture {
+        self.noise
     }
 
-    /// The mean of w^2 |r|^2: the Fisher information that a sample has, 1 / variance of Gaussian noise.
+    /// The mean of w^2 |r|^2: the Fisher information of a sample, 1 / variance of Gaussian noise.
     pub fn information(&self) -> f64 {
         self.information
     }
@@ -84,17 +84,17 @@ impl<'a> RobustFit<'a> {
         dictionary(self.manifold, &self.points)
     }
 
-    /// Puts in a source without power yet. So far its power was taken for noise: impulses may be weaker,
-    /// and rarer, than they seemed, or hidden, and the law starts from some.
+    /// Adds a source without power yet. So far its power counted as noise: impulses may be weaker and rarer
+    /// than they seemed, or hidden, so the mixture restarts with some.
     pub fn add(&mut self, point: Point) {
-        self.law.share = self.law.share.clamp(0.05, 0.5);
-        self.law.impulse = self.law.impulse.max(10.0 * self.law.background);
+        self.noise.probability = self.noise.probability.clamp(0.05, 0.5);
+        self.noise.impulse = self.noise.impulse.max(10.0 * self.noise.background);
         let (rows, columns) = self.signals.shape();
         self.points.push(point);
         self.signals.resize_with(rows + 1, columns, |_, _| Complex64::ZERO);
     }
 
-    /// Takes out the sources for which `keep` is false.
+    /// Removes the sources for which `keep` is false.
     pub fn retain(&mut self, keep: &[bool]) {
         let kept: Vec<usize> = (0..keep.len()).filter(|&q| keep[q]).collect();
         self.points = kept.iter().map(|&q| self.points[q]).collect();
@@ -102,36 +102,37 @@ impl<'a> RobustFit<'a> {
             CMat::from_fn(kept.len(), self.signals.ncols(), |q, n| self.signals[(kept[q], n)]);
     }
 
-    /// A law to start from: a tenth of impulses of ten times the variance that the median tells.
-    fn start_law(&mut self) {
+    /// Initial noise: impulses with probability 0.1 and ten times the variance that the median gives.
+    fn start_noise(&mut self) {
         let columns = (0..self.data.ncols()).flat_map(|n| self.residual.col_as_slice(n));
         let mut powers: Vec<f64> = columns.map(|r| r.norm_sqr()).collect();
         let middle = powers.len() / 2;
         let mean = powers.iter().sum::<f64>() / powers.len() as f64;
         let (_, median, _) = powers.select_nth_unstable_by(middle, f64::total_cmp);
-        // Where most samples are zero their mean tells more.
+        // Where most samples are zero the median is 0, and the mean is used.
         let background = if *median > 0.0 { *median / std::f64::consts::LN_2 } else { mean };
-        self.law = Mixture { share: 0.1, background, impulse: 10.0 * background, real: false };
+        self.noise =
+            Mixture { probability: 0.1, background, impulse: 10.0 * background, real: false };
         self.weigh();
     }
 
-    /// The law of the noise anew, from the residual alone.
-    pub fn refit_law(&mut self) {
+    /// Fits the distribution of the noise again, from the residual alone.
+    pub fn refit_noise(&mut self) {
         let mut powers = PowerHistogram::default();
         let scale = self.residual_scale();
         for n in 0..self.data.ncols() {
             let column = self.residual.col_as_slice(n).iter();
             column.for_each(|r| powers.add((scale * r.norm_sqr()) as f32));
         }
-        if let Some(law) = Mixture::fit(&powers, false) {
-            self.law = law;
+        if let Some(noise) = Mixture::fit(&powers, false) {
+            self.noise = noise;
         }
         self.weigh();
     }
 
-    /// At most so many rounds, or until no step is longer than this share of its standard deviation.
+    /// At most so many iterations, or until no step exceeds this fraction of its standard deviation.
     pub fn settle(&mut self, rounds: usize, settled: f64) {
-        // A new source has its first signal after one round, its first step after two.
+        // A new source has its first signal after one iteration, its first step after two.
         for k in 0..rounds {
             if self.round() < settled && k >= 2 {
                 break;
@@ -145,17 +146,17 @@ impl<'a> RobustFit<'a> {
         elements / (elements - self.points.len() as f64).max(1.0)
     }
 
-    /// Weights of the residual by the law, and the law's next round from the same probabilities.
+    /// Weights of the residual under the noise, and the noise's next iteration from the same probabilities.
     fn weigh(&mut self) {
         let scale = self.residual_scale();
-        let Mixture { share, background: v1, impulse: v2, .. } = self.law;
-        let (odds, slope) = (share / (1.0 - share) * v1 / v2, 1.0 / v1 - 1.0 / v2);
+        let Mixture { probability, background: v1, impulse: v2, .. } = self.noise;
+        let (prior, slope) = (probability / (1.0 - probability) * v1 / v2, 1.0 / v1 - 1.0 / v2);
         let [mut impulses, mut impulse_power, mut power, mut weight, mut information] = [0.0; 5];
         for n in 0..self.data.ncols() {
             let weights = self.weights.col_as_slice_mut(n);
             for (w, r) in weights.iter_mut().zip(self.residual.col_as_slice(n)) {
                 let p = scale * r.norm_sqr();
-                let ratio = odds * (p * slope).min(600.0).exp();
+                let ratio = prior * (p * slope).min(600.0).exp();
                 let impulse = ratio / (1.0 + ratio);
                 *w = 1.0 / v1 - impulse * slope;
                 impulses += impulse;
@@ -171,11 +172,12 @@ impl<'a> RobustFit<'a> {
         let background = (power - impulse_power) / (count - impulses);
         if background > 0.0 && impulses > 0.0 {
             let impulse = (impulse_power / impulses).max(background);
-            self.law = Mixture { share: impulses / count, background, impulse, real: false };
+            self.noise =
+                Mixture { probability: impulses / count, background, impulse, real: false };
         }
     }
 
-    /// One round; gives the longest step over its standard deviation.
+    /// One iteration; returns the longest step over its standard deviation.
     fn round(&mut self) -> f64 {
         self.weigh();
         if self.points.is_empty() {
@@ -246,16 +248,16 @@ impl<'a> RobustFit<'a> {
         let total = columns.ncols();
 
         // The weighted inner products of all pairs of columns, of all snapshots at once.
-        let place = |i: usize, j: usize| 2 * (j * (j + 1) / 2 + i);
-        let mut products = Mat::<f64>::zeros(place(0, total), elements);
+        let index = |i: usize, j: usize| 2 * (j * (j + 1) / 2 + i);
+        let mut products = Mat::<f64>::zeros(index(0, total), elements);
         for m in 0..elements {
             let of_element = products.col_as_slice_mut(m);
             let row: Vec<Complex64> = columns.row(m).iter().copied().collect();
             for j in 0..total {
                 for i in 0..=j {
                     let product = row[i].conj() * row[j];
-                    of_element[place(i, j)] = product.re;
-                    of_element[place(i, j) + 1] = product.im;
+                    of_element[index(i, j)] = product.re;
+                    of_element[index(i, j) + 1] = product.im;
                 }
             }
         }
@@ -268,7 +270,7 @@ impl<'a> RobustFit<'a> {
         for (n, block) in blocks.chunks_exact_mut(block_length(sources, coordinates)).enumerate() {
             let grams = grams.col_as_slice(n);
             let gram =
-                |i: usize, j: usize| Complex64::new(grams[place(i, j)], grams[place(i, j) + 1]);
+                |i: usize, j: usize| Complex64::new(grams[index(i, j)], grams[index(i, j) + 1]);
             let (slope, signals) = (slopes.col_as_slice(n), self.signals.col_as_slice(n));
             let (factor, rest) = block.split_at_mut(sources * sources);
             for i in 0..sources {
@@ -321,7 +323,7 @@ impl<'a> RobustFit<'a> {
         signals
     }
 
-    /// W.R, what the scan for another source looks at.
+    /// W.R, the data of the scan for another source.
     pub fn weighted_residual(&self) -> CMat {
         let mut weighted = self.residual.clone();
         for n in 0..weighted.ncols() {
@@ -331,13 +333,13 @@ impl<'a> RobustFit<'a> {
         weighted
     }
 
-    /// Of each source: the statistic, Gamma(N, 1) when there is none, its power, and the covariance of its
-    /// coordinates. To be asked after [`RobustFit::settle`].
+    /// For each source: the statistic, Gamma(N, 1) without a source, its power, and the covariance of its
+    /// coordinates. Valid after [`RobustFit::settle`].
     pub fn tested(&self) -> Vec<Tested> {
         let Some(normal) = &self.normal else { return Vec::new() };
         let (sources, snapshots) = self.signals.shape();
         let dimensions = self.manifold.dimensions();
-        // Of the likeliest signals the variance is G^-1 E[w] / I in the mean.
+        // The maximum-likelihood signals have the mean variance G^-1 E[w] / I.
         let gain = self.information / self.mean_weight;
         let (mut statistics, mut noise) = (vec![0.0; sources], vec![0.0; sources]);
         let mut unit = vec![Complex64::ZERO; sources];
@@ -372,7 +374,7 @@ impl<'a> RobustFit<'a> {
     }
 }
 
-/// What the data say of a source.
+/// Test results of a source.
 pub(super) struct Tested {
     pub statistic: f64,
     pub power: f64,
@@ -394,8 +396,8 @@ fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
     a.iter().zip(b).map(|(a, b)| a.conj() * b).sum()
 }
 
-/// The lower factor of a Hermitian matrix (row by row, lower triangle), in place. A pivot that rounding
-/// has eaten becomes as large as rounding: two sources in one place.
+/// The lower Cholesky factor of a Hermitian matrix (row by row, lower triangle), in place. A pivot lost to
+/// rounding, of two sources in one position, becomes as large as rounding.
 fn cholesky(a: &mut [Complex64], size: usize) {
     for i in 0..size {
         for j in 0..=i {

@@ -1,18 +1,18 @@
-//! The row rule: number and angles of sources as the rows of a sparse estimate show them.
+//! The row rule: number and angles of sources from the rows of a sparse estimate.
 //!
 //! The paper on JANE (IEEE TVT 72(5), 2023) takes the non-zero rows of X for the sources. An iterate has no
 //! zero rows, so a row counts when the mean of its moduli exceeds a tenth of the largest row's, and four
-//! times what noise puts into a row. Touching rows are one source, at the centroid of their powers.
+//! times the noise of a row. Adjacent rows are one source, at the centroid of their powers.
 
 use crate::array::CMat;
 use crate::array::geometry::Point;
 
-/// A row counts above this share of the largest.
+/// A row counts above this fraction of the largest.
 const OF_THE_LARGEST: f64 = 0.1;
 /// And above so many times the noise of a row.
 const OF_THE_NOISE: f64 = 4.0;
 
-/// Rows of an estimate that touch.
+/// Adjacent rows of an estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// Centroid of the rows' powers.
@@ -23,9 +23,9 @@ pub struct Group {
     pub rows: Vec<usize>,
 }
 
-/// What noise puts into a row of the estimate: the standard deviation of the residual Y - A X (1.2 times its
-/// median modulus, 1 / sqrt(ln 2), when it is a circular Gaussian) over the square root of the number of
-/// elements, since noise averages over them.
+/// Noise of a row of the estimate: the standard deviation of the residual Y - A X (1.2 times its median
+/// modulus, 1 / sqrt(ln 2), when it is a circular Gaussian) over the square root of the number of elements,
+/// since noise averages over them.
 pub fn row_noise(residual: &CMat) -> f64 {
     let mut moduli: Vec<f64> =
         residual.col_iter().flat_map(|c| c.iter()).map(|z| z.norm()).collect();
@@ -40,14 +40,15 @@ pub fn row_noise(residual: &CMat) -> f64 {
 /// Sources in an estimate X, a row per point of `grid` and a column per snapshot, the strongest first.
 ///
 /// `grid` is in rising order for a linear array (any steps), and for a plane a square grid of equal steps as
-/// [`Manifold::grid`](crate::array::Manifold::grid) makes it, where rows touch at sides and corners. `noise` is [`row_noise`].
+/// made by [`Manifold::grid`](crate::array::Manifold::grid), where rows at sides and corners are adjacent.
+/// `noise` is [`row_noise`].
 pub fn row_rule(estimate: &CMat, grid: &[Point], noise: f64) -> Vec<Group> {
     let columns = estimate.ncols().max(1) as f64;
     let mean = |l: usize| estimate.row(l).iter().map(|x| x.norm()).sum::<f64>() / columns;
     let means: Vec<f64> = (0..estimate.nrows()).map(mean).collect();
     let largest = means.iter().fold(0.0, |a: f64, b| a.max(*b));
-    let least = (OF_THE_LARGEST * largest).max(OF_THE_NOISE * noise);
-    let mut strong: Vec<usize> = (0..means.len()).filter(|&l| means[l] > least).collect();
+    let threshold = (OF_THE_LARGEST * largest).max(OF_THE_NOISE * noise);
+    let mut strong: Vec<usize> = (0..means.len()).filter(|&l| means[l] > threshold).collect();
 
     let touching = neighbourhood(grid);
     let mut groups = Vec::new();
@@ -78,7 +79,7 @@ fn group(estimate: &CMat, grid: &[Point], rows: Vec<usize>, columns: f64) -> Gro
     Group { point: point.map(|c| c / power), power, rows }
 }
 
-/// Whether two rows touch: successive ones on a line, neighbours at sides and corners in a plane.
+/// Whether two rows are adjacent: successive ones on a line, neighbours at sides and corners in a plane.
 fn neighbourhood(grid: &[Point]) -> impl Fn(usize, usize) -> bool {
     let plane = grid.iter().any(|p| p[1] != grid[0][1]);
     let gap = |a: &Point, b: &Point| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn touching_rows_are_one_source_at_the_centroid_of_power() {
+    fn adjacent_rows_are_one_source_at_the_centroid_of_power() {
         let grid: Vec<Point> = (0..10).map(|l| [0.1 * l as f64, 0.0]).collect();
         let x = estimate(10, &[(2, 1.0), (3, 3.0), (6, 2.0), (8, 0.25), (9, 0.35)]);
         let groups = row_rule(&x, &grid, 0.0);
@@ -108,16 +109,16 @@ mod tests {
         assert!(
             (groups[0].point[0] - 0.29).abs() < 1e-12 && (groups[0].power - 10.0).abs() < 1e-12
         );
-        // The row of 0.25 lies below a tenth of 3, that of 0.35 above; noise of 0.1 hides both.
+        // The row of 0.25 lies below a tenth of 3, that of 0.35 above; noise of 0.1 removes both.
         assert_eq!(groups[2].rows, [9]);
         assert_eq!(row_rule(&x, &grid, 0.1).len(), 2);
         assert_eq!(row_rule(&estimate(10, &[]), &grid, 0.0), []);
     }
 
     #[test]
-    fn in_a_plane_rows_touch_at_sides_and_corners() {
+    fn in_a_plane_rows_at_sides_and_corners_are_adjacent() {
         let grid: Vec<Point> = (0..25).map(|l| [(l / 5) as f64, (l % 5) as f64]).collect();
-        // (1,1) and (2,2) touch at a corner; (2,4) and (3,0) are successive rows of X far apart.
+        // (1,1) and (2,2) are adjacent at a corner; (2,4) and (3,0) are successive rows of X far apart.
         let x = estimate(25, &[(6, 1.0), (12, 1.0), (14, 2.0), (15, 1.5)]);
         let groups = row_rule(&x, &grid, 0.0);
         assert_eq!(

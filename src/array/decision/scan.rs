@@ -1,9 +1,10 @@
-//! The scan: where over the manifold most power comes from, and how much of it noise alone makes.
+//! The scan: the direction of maximum power over the manifold, and the distribution of this power under
+//! noise.
 //!
 //! A beam's statistic is the sum over N snapshots of |a^H e_n|^2 / |a|^2, with noise e of unit variance:
-//! Gamma(N, 1), half a chi-square of 2 N degrees of freedom. Its greatest value over all directions exceeds
-//! t with a probability below the expected Euler characteristic of the set above t (Davies 1987; Worsley
-//! 1994, table II), which is exact but for e^-t:
+//! Gamma(N, 1), half a chi-square of 2 N degrees of freedom. Its maximum over all directions exceeds t with a
+//! probability below the expected Euler characteristic of the set above t (Davies 1987; Worsley 1994, table
+//! II), which is exact up to e^-t:
 //!
 //! P(max > t) = Q(t) + L sqrt(t / pi) f(t) + S (2 t - 2 N + 1) / (2 pi) f(t)
 //!
@@ -18,11 +19,12 @@ use num_complex::Complex64;
 use sdr_rx_linalg::{adjoint_product, column_powers, orthonormal_basis, product, subtracted_from};
 use std::f64::consts::PI;
 
-/// A beam with less than this share of its power outside of the sources found is not looked at: a start so
-/// close to a source would be ill-conditioned, and the fit moves sources closer where the data want it.
-const LEAST_NEW: f64 = 0.1;
+/// A beam with less than this fraction of its power outside of the span of the sources found is not used: a
+/// start so close to a source would be ill-conditioned, and the fit moves sources closer if the data require
+/// it.
+const MIN_NEW: f64 = 0.1;
 
-/// A grid of beams over a manifold, and their law under noise.
+/// A grid of beams over a manifold, and their distribution under noise.
 #[derive(Clone, Debug)]
 pub struct Scan {
     manifold: Manifold,
@@ -34,7 +36,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Beams a quarter of a beam's width apart. A manifold without dimension has one beam.
+    /// Beams a quarter of a beamwidth apart. A manifold without dimension has one beam.
     pub fn new(manifold: &Manifold) -> Self {
         let [[xx, xy], [_, yy]] = metric(manifold);
         let mean = 0.5 * (xx + yy);
@@ -46,7 +48,7 @@ impl Scan {
             // The circumference of an ellipse is about 2 pi times the root mean square of its axes.
             _ => (PI * mean.sqrt(), PI * (major * minor).sqrt()),
         };
-        // A uniform line of as great a spread would have this many elements.
+        // A uniform linear array of equal spread would have this many elements.
         let elements = (12.0 * major).sqrt() / PI;
         let per_axis = (4.0 * elements).ceil().max(8.0);
         let points = manifold.grid(per_axis as usize);
@@ -60,12 +62,12 @@ impl Scan {
         &self.manifold
     }
 
-    /// Distance of neighbouring beams along an axis, a quarter of a beam's width.
+    /// Distance of neighbouring beams along an axis, a quarter of a beamwidth.
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// Probability that noise alone makes a beam's statistic exceed `t` somewhere, of `n` snapshots; holds
+    /// Probability that noise alone makes a beam's statistic exceed `t` somewhere, of `n` snapshots; valid
     /// where it is small, `t` well above `n`.
     pub fn false_alarm(&self, t: f64, n: f64) -> f64 {
         if t <= n {
@@ -90,9 +92,9 @@ impl Scan {
         high
     }
 
-    /// The point with the greatest sum of |b^H e|^2 / |b|^2 over the columns e of `data`, and that sum, where
-    /// b is the part of the point's response outside of the span of the columns of `known`. `None` when
-    /// nothing of the manifold lies outside.
+    /// The point with the maximum sum of |b^H e|^2 / |b|^2 over the columns e of `data`, and that sum, where
+    /// b is the part of the point's response outside of the span of the columns of `known`. `None` when no
+    /// part of the manifold lies outside.
     pub fn strongest(&self, data: &CMat, known: &CMat) -> Option<(Point, f64)> {
         let basis = (known.ncols() > 0).then(|| orthonormal_basis(known));
         // A column per beam.
@@ -103,7 +105,7 @@ impl Scan {
             seen = subtracted_from(&seen, product(&adjoint_product(data, basis), &inside));
             for (new, inside) in new.iter_mut().zip(column_powers(&inside)) {
                 let left = *new - inside;
-                *new = if left > LEAST_NEW * *new { left } else { f64::INFINITY };
+                *new = if left > MIN_NEW * *new { left } else { f64::INFINITY };
             }
         }
         let seen = column_powers(&seen);
@@ -112,7 +114,7 @@ impl Scan {
         (score > 0.0).then(|| self.climb(self.points[best], score, data, basis.as_ref()))
     }
 
-    /// To the top of the hill between the grid's points.
+    /// Refines the maximum between the grid's points.
     fn climb(&self, from: Point, score: f64, data: &CMat, basis: Option<&CMat>) -> (Point, f64) {
         let (mut best, mut step) = ((from, score), self.step);
         for _ in 0..4 {
@@ -143,15 +145,11 @@ impl Scan {
             a = subtracted_from(&a, product(basis, &adjoint_product(basis, &a)));
         }
         let new = column_powers(&a)[0];
-        if new > LEAST_NEW * whole {
-            column_powers(&adjoint_product(data, &a))[0] / new
-        } else {
-            0.0
-        }
+        if new > MIN_NEW * whole { column_powers(&adjoint_product(data, &a))[0] / new } else { 0.0 }
     }
 }
 
-/// Lambda of the module's text, at the middle of the manifold.
+/// Lambda of the module's documentation, at the middle of the manifold.
 fn metric(manifold: &Manifold) -> [[f64; 2]; 2] {
     let dot = |a: &[Complex64], b: &[Complex64]| -> Complex64 {
         a.iter().zip(b).map(|(a, b)| a.conj() * b).sum()
@@ -185,8 +183,8 @@ fn gamma_tail(t: f64, n: f64) -> f64 {
     gamma_density(t, n) * sum
 }
 
-/// Logarithm of the gamma function for x >= 1: Stirling's series after eight steps up; the first term left
-/// out, 1 / (1188 x^9) at 9, is 2e-12.
+/// Logarithm of the gamma function for x >= 1: Stirling's series after eight steps up; the first term
+/// omitted, 1 / (1188 x^9) at 9, is 2e-12.
 fn ln_gamma(x: f64) -> f64 {
     let product: f64 = (0..8).map(|k| x + f64::from(k)).product();
     let x = x + 8.0;
@@ -201,7 +199,7 @@ mod tests {
     use crate::gnss::antenna::AntennaArray;
 
     #[test]
-    fn the_gamma_law_is_the_closed_form() {
+    fn the_gamma_distribution_is_the_closed_form() {
         // 19! from tables, and chi-square tables: P(chi2 of 10 > 18.307) = 5 %, of 100: > 149.449 = 0.1 %.
         assert!((ln_gamma(20.0) - 121_645_100_408_832_000f64.ln()).abs() < 1e-11);
         assert!((ln_gamma(1.0)).abs() < 1e-11);
@@ -224,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_beam_of_noise_exceeds_the_threshold_as_often_as_asked_for() {
+    fn the_maximum_of_noise_exceeds_the_threshold_with_the_requested_probability() {
         use crate::gnss::random::SplitMix64;
         use crate::gnss::signal::L1_WAVELENGTH;
         use nalgebra::Vector3;
@@ -241,8 +239,9 @@ mod tests {
                 let noise = CMat::from_fn(elements, snapshots, |_, _| rng.complex_normal());
                 scan.strongest(&noise, &CMat::zeros(elements, 0)).unwrap().1 > threshold
             };
-            // Binomial: mean 60, deviation 7.7, four of them. The law counts twice what exceeds twice (some
-            // 2 %), and the climb's last step, 1/64 of a beam, misses 0.1 % of the power.
+            // Binomial: mean 60, standard deviation 7.7, four of them. The formula counts double exceedances
+            // twice (some 2 %), and the last step of the refinement, 1/64 of a beam, misses 0.1 % of the
+            // power.
             let alarms = (0..runs).filter(exceeds).count();
             assert!((29..=91).contains(&alarms), "{elements} elements: {alarms} of {runs}");
         }
@@ -256,9 +255,9 @@ mod tests {
         let a = manifold.response(at);
         let data = CMat::from_fn(8, 1, |m, _| a[m]);
         let (point, score) = scan.strongest(&data, &CMat::zeros(8, 0)).unwrap();
-        // The climb ends within a thirty-second of the grid's step, 1/16: 1e-3 of the power there.
+        // The refinement ends within a thirty-second of the grid's step, 1/16: 1e-3 of the power there.
         assert!((point[0] - at[0]).abs() < 2e-3 && (score / 8.0 - 1.0).abs() < 1e-3);
-        // Nothing of it is left outside of its own response.
+        // Nothing of it remains outside of its own response.
         let (_, rest) = scan.strongest(&data, &data).unwrap();
         assert!(rest < 1e-20);
     }

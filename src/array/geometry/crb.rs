@@ -4,18 +4,18 @@ use super::{Manifold, Point, dictionary};
 use crate::array::CMat;
 use sdr_rx_linalg::Cholesky;
 
-/// The least covariance of each source's coordinates that an unbiased estimate can have, the signals being
-/// unknown, uncorrelated numbers (Stoica and Nehorai 1989, "MUSIC, maximum likelihood, and Cramer-Rao
-/// bound", IEEE Trans. ASSP 37(5), eq. 4.6):
+/// The minimum covariance of each source's coordinates for an unbiased estimate, the signals being unknown,
+/// uncorrelated numbers (Stoica and Nehorai 1989, "MUSIC, maximum likelihood, and Cramer-Rao bound", IEEE
+/// Trans. ASSP 37(5), eq. 4.6):
 ///
 /// cov_q = sigma^2 / (2 N p_q) \[ Re D_q^H (I - A (A^H A)^-1 A^H) D_q \]^-1
 ///
 /// for N `snapshots`, sources of power p_q at an element of unit gain, and noise of variance sigma^2; in
-/// noise of another law sigma^2 is the inverse of a sample's Fisher information. Of one source on a uniform
-/// linear array of M elements half a wavelength apart: 6 sigma^2 / (N p M (M^2 - 1) pi^2).
+/// noise of another distribution sigma^2 is the inverse of a sample's Fisher information. For one source on a
+/// uniform linear array of M elements half a wavelength apart: 6 sigma^2 / (N p M (M^2 - 1) pi^2).
 ///
-/// The second coordinate of a linear array has no covariance (0). Infinite where the array cannot tell the
-/// sources apart.
+/// The second coordinate of a linear array has no covariance (0). Infinite where the array cannot resolve the
+/// sources.
 pub fn cramer_rao(
     manifold: &Manifold,
     points: &[Point],
@@ -40,7 +40,7 @@ pub fn cramer_rao(
     sources.collect()
 }
 
-/// The inverse of a positive matrix of one or two rows, infinite where there is none.
+/// The inverse of a positive definite matrix of one or two rows, infinite where it is singular.
 pub(in crate::array) fn inverse(at: impl Fn(usize, usize) -> f64, size: usize) -> [[f64; 2]; 2] {
     if size == 1 {
         return [[1.0 / at(0, 0).max(0.0), 0.0], [0.0; 2]];
@@ -62,7 +62,7 @@ mod tests {
     use std::f64::consts::PI;
 
     #[test]
-    fn one_source_on_a_line_has_the_closed_form_wherever_it_is() {
+    fn one_source_on_a_line_has_the_closed_form_at_any_direction() {
         let manifold = Manifold::new(AntennaArray::half_wavelength(10));
         let expected = 6.0 * 2.0 / (50.0 * 3.0 * 10.0 * 99.0 * PI * PI);
         for s in [-0.7, 0.0, 0.3] {
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_has_the_same_bound_on_both_axes_and_a_neighbour_makes_it_worse() {
+    fn a_square_has_the_same_bound_on_both_axes_and_a_neighbour_raises_it() {
         let half = crate::gnss::signal::L1_WAVELENGTH / 2.0;
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
         let square = corners.map(|[x, y]| Vector3::new(x * half, y * half, 0.0)).to_vec();

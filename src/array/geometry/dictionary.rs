@@ -16,7 +16,7 @@ pub fn degree_grid(first: i32, last: i32) -> Vec<Point> {
 }
 
 /// The dictionary of the paper on JANE (IEEE TVT 72(5), 2023): a uniform linear array of `elements`, half a
-/// wavelength apart, seen on 25 to 55 degrees in steps of one.
+/// wavelength apart, over directions of 25 to 55 degrees in steps of one.
 pub fn paper_dictionary(elements: usize) -> CMat {
     dictionary(&Manifold::new(AntennaArray::half_wavelength(elements)), &degree_grid(25, 55))
 }

@@ -1,9 +1,9 @@
-//! The array manifold: responses over all directions that an array can tell apart.
+//! The array manifold: responses over all directions that an array can resolve.
 //!
-//! A linear array sees only the cosine of the angle between a source and its axis (a cone of directions);
-//! any other array sees two direction cosines in its principal plane, the source being on the positive side
-//! of that plane. Both are points in the unit interval or disc, in which the phases are linear (van Trees,
-//! Optimum Array Processing, 2.2 and 4.1).
+//! A linear array measures only the cosine of the angle between a source and its axis (a cone of directions);
+//! any other array measures two direction cosines in its principal plane, the source being on the positive
+//! side of that plane. Both are points in the unit interval or disc, in which the phases are linear (van
+//! Trees, Optimum Array Processing, 2.2 and 4.1).
 
 use crate::array::CMat;
 use crate::gnss::antenna::AntennaArray;
@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 /// broadside; the second is then 0.
 pub type Point = [f64; 2];
 
-/// A direction as a person reads it.
+/// A direction as angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bearing {
     /// Angle from the broadside of a linear array towards its axis, rad: a cone of directions.
@@ -42,8 +42,8 @@ pub struct Manifold {
 }
 
 impl Manifold {
-    /// The manifold of an array. An array of one element, or with all elements in one place, has no
-    /// dimension: it cannot tell directions.
+    /// The manifold of an array. An array of one element, or with all elements in one position, has no
+    /// dimension: it cannot resolve directions.
     pub fn new(array: AntennaArray) -> Self {
         let count = array.len().max(1) as f64;
         let centre = array.elements_m.iter().sum::<Vector3<f64>>() / count;
@@ -52,7 +52,7 @@ impl Manifold {
         let eigen = spread.symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        // A millionth of a wavelength is no extent.
+        // An extent below a millionth of a wavelength counts as none.
         let flat = (1e-6 * L1_WAVELENGTH).powi(2);
         let extents = order.iter().filter(|&&k| eigen.eigenvalues[k] > flat).count();
         let vector = |k: usize| eigen.eigenvectors.column(order[k]).into_owned();
@@ -65,7 +65,8 @@ impl Manifold {
                 [axis, vector(1), vector(2)]
             }
             _ => {
-                // The normal points up (of a vertical array: north or east); a volume sees the sky above.
+                // The normal points up (of a vertical array: north or east); a volume uses the hemisphere
+                // above.
                 let normal = if extents == 2 { vector(2) } else { Vector3::z() };
                 let lean = [normal.z, normal.y, normal.x];
                 let side = lean.into_iter().find(|c| c.abs() > 1e-9).unwrap_or(1.0).signum();
@@ -81,12 +82,12 @@ impl Manifold {
         Self { array, axes, dimensions: extents.min(2), hidden: None }
     }
 
-    /// The manifold as samples show it from which the span of these orthonormal columns (jammers) was removed.
+    /// The manifold for samples from which the span of these orthonormal columns (jammers) was removed.
     pub fn beside(self, hidden: &CMat) -> Self {
         Self { hidden: (hidden.ncols() > 0).then(|| hidden.clone()), ..self }
     }
 
-    fn seen(&self, response: Vec<Complex64>) -> Vec<Complex64> {
+    fn reduced(&self, response: Vec<Complex64>) -> Vec<Complex64> {
         let Some(hidden) = &self.hidden else { return response };
         let mut left = response.clone();
         for column in hidden.col_iter() {
@@ -106,12 +107,12 @@ impl Manifold {
         self.array.len()
     }
 
-    /// Coordinates that matter: 0, 1 (linear) or 2.
+    /// Number of coordinates in use: 0, 1 (linear) or 2.
     pub fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// Where a direction (unit vector towards the source) lies on the manifold.
+    /// Point of a direction (unit vector towards the source) on the manifold.
     pub fn point(&self, towards: &Unit<Vector3<f64>>) -> Point {
         let cosine = |axis: usize| match axis < self.dimensions {
             true => self.axes[axis].dot(towards),
@@ -143,7 +144,7 @@ impl Manifold {
 
     /// Response of each element to a wave from a point.
     pub fn response(&self, point: Point) -> Vec<Complex64> {
-        self.seen(self.whole_response(point))
+        self.reduced(self.whole_response(point))
     }
 
     fn whole_response(&self, point: Point) -> Vec<Complex64> {
@@ -173,7 +174,7 @@ impl Manifold {
             let elements = self.array.elements_m.iter().zip(&response);
             elements.map(|(p, a)| a * Complex64::new(0.0, rate(p))).collect()
         };
-        (0..self.dimensions).map(|axis| self.seen(slope(axis))).collect()
+        (0..self.dimensions).map(|axis| self.reduced(slope(axis))).collect()
     }
 
     /// A grid over the manifold: `per_axis` equal steps over [-1, 1], both ends included, of a plane those
@@ -225,11 +226,13 @@ mod tests {
                 }
             }
         }
-        // East of broadside by 30 degrees: half a turn times one half per element.
+        // East of broadside by 30 degrees: half a cycle times one half per element.
         let linear = Manifold::new(AntennaArray::half_wavelength(3));
         let response = linear.response([0.5, 0.0]);
         assert!((response[1] - Complex64::cis(std::f64::consts::FRAC_PI_2)).norm() < 1e-12);
-        let Bearing::Cone(angle) = linear.bearing([0.5, 0.0]) else { panic!("a line sees cones") };
+        let Bearing::Cone(angle) = linear.bearing([0.5, 0.0]) else {
+            panic!("a linear array measures cones")
+        };
         assert!((angle.to_degrees() - 30.0).abs() < 1e-9);
     }
 

@@ -1,5 +1,5 @@
-//! The array's geometry: responses to directions, dictionaries, the Cramer-Rao bound, what the elements see of a
-//! satellite and the direction that it fits.
+//! The array's geometry: responses to directions, dictionaries, the Cramer-Rao bound, the measured signature
+//! of a satellite and the direction that fits it.
 
 mod crb;
 mod dictionary;

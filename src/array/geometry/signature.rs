@@ -1,17 +1,17 @@
-//! The spatial signature of one signal: what each element makes of it, measured after despreading.
+//! The spatial signature of one signal: the response of each element, measured after despreading.
 //!
 //! Despread prompts x_k (one vector of all elements per code period) of one satellite are a d_k + n_k, with
 //! its signature a, data and carrier d_k, and noise that is equal and independent between elements. The
 //! maximum-likelihood signature for unknown d_k is the principal eigenvector of their covariance (van Trees,
-//! Optimum Array Processing, 8.5): no bit, no phase and no geometry need be known.
+//! Optimum Array Processing, 8.5), which requires no data, phase or geometry.
 
 use super::{Bearing, Manifold, Point};
 use crate::array::CMat;
 use num_complex::Complex64;
 use sdr_rx_linalg::hermitian_eigen;
 
-/// Share of a response's power that must be left beside jammers for a direction to count.
-const HIDDEN: f64 = 0.02;
+/// Minimum fraction of a response's power outside of the jammers' subspace for a direction to be considered.
+const MIN_VISIBLE: f64 = 0.02;
 
 /// A measured signature.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,8 +26,8 @@ pub struct Signature {
 }
 
 impl Signature {
-    /// From prompts, one column per code period. `None` without two elements and periods, or without any
-    /// power above the noise.
+    /// From prompts, one column per code period. `None` with fewer than two elements or periods, or without
+    /// any power above the noise.
     pub fn estimate(prompts: &CMat) -> Option<Self> {
         let (elements, periods) = prompts.shape();
         if elements < 2 || periods < 2 {
@@ -36,9 +36,9 @@ impl Signature {
         let covariance = prompts * prompts.adjoint();
         let (values, vectors) = hermitian_eigen(&covariance)?;
         let total: f64 = values.iter().sum();
-        let (greatest, count, m) = (values[0], periods as f64, elements as f64);
-        let noise = (total - greatest) / ((m - 1.0) * count);
-        let signal = greatest / count - noise;
+        let (largest, count, m) = (values[0], periods as f64, elements as f64);
+        let noise = (total - largest) / ((m - 1.0) * count);
+        let signal = largest / count - noise;
         if !(signal > 0.0 && signal.is_finite()) {
             return None;
         }
@@ -51,7 +51,7 @@ impl Signature {
         Some(Self { response, variance, snr })
     }
 
-    /// Share of this signature's power that lies along another: 1 for signals from one direction.
+    /// Fraction of this signature's power that lies along another: 1 for signals from one direction.
     pub fn coherence(&self, other: &Self) -> f64 {
         let m = self.response.len() as f64;
         inner(&self.response, &other.response).norm_sqr() / (m * m)
@@ -63,7 +63,7 @@ fn inner(a: &[Complex64], b: &[Complex64]) -> Complex64 {
     a.iter().zip(b).map(|(a, b)| a.conj() * b).sum()
 }
 
-/// Where a signature comes from.
+/// Direction of arrival of a signature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrival {
     /// On the manifold.
@@ -72,13 +72,13 @@ pub struct Arrival {
     pub sigma: Point,
     /// As angles.
     pub bearing: Bearing,
-    /// Share of the signature's power that the manifold does not explain, 0 to 1: noise, errors of the
-    /// elements, or more than one path.
+    /// Fraction of the signature's power that the manifold does not explain, 0 to 1: noise, errors of the
+    /// elements, or multipath.
     pub misfit: f64,
 }
 
-/// The direction that explains a signature best: the greatest of a beam scan, polished by Gauss and Newton.
-/// `None` when the array cannot tell directions or has another number of elements.
+/// The direction that explains a signature best: the maximum of a beam scan, refined by Gauss-Newton. `None`
+/// when the array cannot resolve directions or has another number of elements.
 pub fn arrival(manifold: &Manifold, signature: &Signature) -> Option<Arrival> {
     let elements = manifold.elements();
     let z = &signature.response;
@@ -88,10 +88,10 @@ pub fn arrival(manifold: &Manifold, signature: &Signature) -> Option<Arrival> {
     let explained = |point: Point| {
         let a = manifold.response(point);
         let norm = inner(&a, &a).re;
-        // In the direction of a jammer that was removed nothing is left.
-        if norm > HIDDEN * elements as f64 { inner(&a, z).norm_sqr() / norm } else { 0.0 }
+        // In the direction of a jammer that was removed nothing remains.
+        if norm > MIN_VISIBLE * elements as f64 { inner(&a, z).norm_sqr() / norm } else { 0.0 }
     };
-    // Four points a beam width in each direction; the scalloping between them is below 0.3 dB.
+    // Four points a beamwidth in each direction; the scalloping between them is below 0.3 dB.
     let across = 4 * if manifold.dimensions() == 1 { elements } else { 8.max(elements / 2) };
     let scan = manifold.grid(across).into_iter().map(|p| (explained(p), p));
     let mut point = scan.max_by(|a, b| a.0.total_cmp(&b.0))?.1;
@@ -103,10 +103,10 @@ pub fn arrival(manifold: &Manifold, signature: &Signature) -> Option<Arrival> {
         if !reach.is_finite() {
             break;
         }
-        // Halved until it does not make things worse.
+        // Halved until the fit does not become worse.
         let now = explained(point);
-        let tried = (0..8).map(|k| 0.5f64.powi(k)).map(|share| {
-            let moved = [point[0] + share * step[0], point[1] + share * step[1]];
+        let tried = (0..8).map(|k| 0.5f64.powi(k)).map(|scale| {
+            let moved = [point[0] + scale * step[0], point[1] + scale * step[1]];
             inside(moved)
         });
         let Some(better) = tried.into_iter().find(|p| explained(*p) >= now) else { break };
@@ -125,14 +125,14 @@ pub fn arrival(manifold: &Manifold, signature: &Signature) -> Option<Arrival> {
     Some(Arrival { point, sigma, bearing: manifold.bearing(point), misfit })
 }
 
-/// A point pulled back into the visible disc.
+/// The nearest point in the visible disc.
 fn inside(point: Point) -> Point {
     let reach = point[0].hypot(point[1]).max(1.0);
     point.map(|p| p / reach)
 }
 
 /// One Gauss-Newton step of min |z - c a(point)|^2 over c and the point, and the Fisher information of the
-/// coordinates for noise of unit variance but for the factor 2: |c|^2 Re D^H P D, where P projects a out.
+/// coordinates for noise of unit variance up to a factor of 2: |c|^2 Re D^H P D, where P projects a out.
 fn newton_step(manifold: &Manifold, z: &[Complex64], point: Point) -> (Point, [[f64; 2]; 2]) {
     let a = manifold.response(point);
     let norm = inner(&a, &a).re;
@@ -173,7 +173,7 @@ mod tests {
         Manifold::new(AntennaArray::new(vec![at(0., 0.), at(1., 0.), at(0., 1.), at(1., 1.)]))
     }
 
-    /// Prompts of a signal from `point` with `snr` per element and period, bits and a turning carrier.
+    /// Prompts of a signal from `point` with `snr` per element and period, data symbols and a carrier offset.
     fn prompts(manifold: &Manifold, point: Point, snr: f64, periods: usize, seed: u64) -> CMat {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let a = manifold.response(point);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_are_right_to_the_cramer_rao_bound() {
+    fn directions_reach_the_cramer_rao_bound() {
         let line = Manifold::new(AntennaArray::half_wavelength(8));
         for (manifold, point) in
             [(line, [0.3, 0.0]), (square(), [0.3, -0.5]), (square(), [-0.1, 0.2])]
@@ -223,14 +223,14 @@ mod tests {
         for seed in 0..runs {
             let s = Signature::estimate(&prompts(&manifold, point, snr, periods, seed)).unwrap();
             strength += s.snr / runs as f64;
-            // Apart from the common factor, which is not the signature's.
+            // Apart from the common factor, which is arbitrary.
             let c = inner(&truth, &s.response) / 4.0;
             let apart: f64 =
                 truth.iter().zip(&s.response).map(|(t, z)| (z - c * t).norm_sqr()).sum();
             error += apart / (3.0 * s.variance * runs as f64);
             assert!((s.response[0].im).abs() < 1e-12 && (turn * truth[1]).norm() > 0.0);
         }
-        // Means of 400 values of relative deviations 1/sqrt(3) and 0.25 at most: five of theirs.
+        // Means of 400 values of relative standard deviations 1/sqrt(3) and 0.25 at most: five of theirs.
         assert!((error - 1.0).abs() < 0.15, "{error}");
         assert!((strength / snr - 1.0).abs() < 0.07, "{strength}");
     }

@@ -1,7 +1,7 @@
-//! Beams: weights that turn the channels of an array into one.
+//! Beams: weights that combine the channels of an array into one.
 //!
-//! A beam's output is w^H x. All weights here pass the wanted signature s undistorted, w^H s = s_0 (what the
-//! reference element, the first, sees), so that changing a beam does not turn the carrier.
+//! A beam's output is w^H x. All weights here pass the wanted signature s undistorted, w^H s = s_0 (the
+//! response of the reference element, the first), so that changing a beam does not change the carrier phase.
 
 use crate::array::CMat;
 use crate::capture::Block;
@@ -9,19 +9,19 @@ use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use sdr_rx_linalg::{Cholesky, orthonormal_basis};
 
-/// How a receiver chooses the weights of its beams.
+/// Choice of the weights of a receiver's beams.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BeamKind {
     /// [`Beam::conventional`]. On samples whose jammers were removed it is [`Beam::lcmv`] with nulls on them,
     /// since the signature measured there has nothing along them.
     #[default]
     Conventional,
-    /// [`Beam::mvdr`]: against interference too weak to be found as a jammer.
+    /// [`Beam::mvdr`]: against interference too weak to be detected as a jammer.
     Mvdr,
 }
 
-/// Share of the mean power that is added to the covariance's diagonal for [`Beam::mvdr`]: with
-/// fewer samples than some hundred per element the weights would else follow the noise.
+/// Fraction of the mean power that is added to the covariance's diagonal for [`Beam::mvdr`]: with fewer
+/// samples than some hundred per element the weights would otherwise adapt to the noise.
 const LOADING: f64 = 1e-2;
 
 /// Weights of one beam.
@@ -43,12 +43,12 @@ impl Beam {
         Self { weights: (0..elements).map(weight).collect() }
     }
 
-    /// Matched to the signature alone: the greatest gain in white noise, 10 log10(M) dB (van Trees 2.3).
+    /// Matched to the signature alone: the maximum gain in white noise, 10 log10(M) dB (van Trees 2.3).
     pub fn conventional(signature: &[Complex64]) -> Self {
         Self::normalised(signature.to_vec(), signature)
     }
 
-    /// Capon's beam: least output power with the signature passed undistorted (van Trees 6.2.1), from the
+    /// Capon's beam: minimum output power with the signature passed undistorted (van Trees 6.2.1), from the
     /// covariance of the samples of all elements with a little diagonal loading.
     pub fn mvdr(signature: &[Complex64], covariance: &CMat) -> Self {
         let m = signature.len();
@@ -92,7 +92,8 @@ impl Beam {
         &self.weights
     }
 
-    /// Gain for a signature over what the first element sees of it, dB, in noise that is white in space.
+    /// Gain for a signature over the response of the first element to it, dB, in noise that is white in
+    /// space.
     pub fn gain_db(&self, signature: &[Complex64]) -> f64 {
         let wide = |w: &Complex32| Complex64::new(w.re.into(), w.im.into());
         let passed: Complex64 =
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn beams_pass_the_signature_and_refuse_the_rest() {
+    fn beams_pass_the_signature_and_suppress_the_jammer() {
         let manifold = Manifold::new(AntennaArray::half_wavelength(8));
         let wanted = manifold.response([0.2, 0.0]);
         let jammer = manifold.response([-0.35, 0.0]);
@@ -153,16 +154,16 @@ mod tests {
         }
         assert!((conventional.gain_db(&wanted) - 10.0 * 8f64.log10()).abs() < 1e-4);
         assert!(passed(&lcmv, &jammer).norm() < 1e-5);
-        // One null costs at most the share of the wanted signature that lies along it.
+        // One null costs at most the fraction of the wanted signature's power that lies along it.
         let along: Complex64 = jammer.iter().zip(&wanted).map(|(j, w)| j.conj() * w).sum();
         let cost = 10.0 * (1.0 - along.norm_sqr() / 64.0).log10();
         assert!((lcmv.gain_db(&wanted) - (10.0 * 8f64.log10() + cost)).abs() < 1e-3);
-        // The residue of the jammer beside the noise, with loading of 1 % of 10^4: some 100 of noise.
+        // The residual of the jammer over the noise, with loading of 1 % of 10^4: some 100 of noise.
         assert!(passed(&mvdr, &jammer).norm_sqr() * 1e4 < 1.0);
     }
 
     #[test]
-    fn a_formed_beam_is_the_plain_sum() {
+    fn a_formed_beam_is_the_direct_sum() {
         let mut block = Block::zeros(3, 5000);
         for (c, channel) in block.channels_mut().enumerate() {
             for (n, x) in channel.iter_mut().enumerate() {

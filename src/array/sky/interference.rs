@@ -1,9 +1,9 @@
-//! Jammers: found in the covariance, located, and removed before impulses are.
+//! Jammers: detected in the covariance, located, and removed before impulses are.
 //!
-//! The order matters. Under a jammer every sample is strong, so that no map can tell impulses from it; once
-//! the jammer is removed, it can. A plain projection spreads each impulse of one element over all; here the
-//! jammer's wave is estimated by least squares that weight each element with E[1/variance | residual]
-//! of its own mixture (module `front_end::mixture`), which an impulse hardly moves.
+//! The order matters. Under a jammer every sample is strong, so that no map can distinguish impulses from it;
+//! once the jammer is removed, it can. A projection spreads each impulse of one element over all; here the
+//! jammer's wave is estimated by least squares that weight each element with E[1/variance | residual] of its
+//! own mixture (module `front_end::mixture`), on which an impulse has little effect.
 
 use super::Beam;
 use crate::array::CMat;
@@ -15,15 +15,15 @@ use sdr_rx_linalg::{hermitian_eigen, orthonormal_basis};
 
 /// An eigenvalue is interference when it is this much over the median one (satellites of 50 dB-Hz on 50
 /// elements reach 6 dB).
-const LEAST_POWER_DB: f64 = 10.0;
+const MIN_POWER_DB: f64 = 10.0;
 /// Samples by which the mixtures are fitted, and the number of fits.
 const FIT_SAMPLES: usize = 1 << 15;
 const FITS: usize = 3;
 /// Reweightings of one sample.
 const REWEIGHTINGS: usize = 3;
-/// Most jammers; more are not told apart from each other.
-const MOST: usize = 8;
-/// Samples that are one task.
+/// Maximum number of jammers.
+const MAX_JAMMERS: usize = 8;
+/// Samples of one task.
 const TASK: usize = 4096;
 
 /// The subspace that jammers span.
@@ -33,7 +33,7 @@ pub struct Interference {
     pub subspace: CMat,
     /// Power of each component over the noise of one element's samples, all elements together, dB.
     pub powers_db: Vec<f64>,
-    rows: Vec<[Complex32; MOST]>,
+    rows: Vec<[Complex32; MAX_JAMMERS]>,
 }
 
 impl Interference {
@@ -47,7 +47,7 @@ impl Interference {
         let power = |l: &f64| 10.0 * (l / median).log10();
         let all = values.iter().map(power);
         let powers_db: Vec<f64> =
-            all.take_while(|db| *db > LEAST_POWER_DB).take((elements / 2).min(MOST)).collect();
+            all.take_while(|db| *db > MIN_POWER_DB).take((elements / 2).min(MAX_JAMMERS)).collect();
         let subspace = CMat::from_fn(elements, powers_db.len(), |m, j| vectors[(m, j)]);
         let single = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
         let entry =
@@ -56,8 +56,8 @@ impl Interference {
         Self { subspace, powers_db, rows }
     }
 
-    /// M - J orthonormal beams beside the jammers: white noise stays white, and independent between them, which
-    /// of the elements is no longer true when jammers were removed from them.
+    /// M - J orthonormal beams orthogonal to the jammers: white noise stays white and independent between
+    /// them, which does not hold for elements from which jammers were removed.
     pub fn free_beams(&self) -> Vec<Beam> {
         let (elements, count) = self.subspace.shape();
         let all = CMat::from_fn(elements, elements, |m, k| match k.checked_sub(count) {
@@ -79,15 +79,15 @@ impl Interference {
         self.powers_db.is_empty()
     }
 
-    /// What is left of a response when the subspace is projected away.
+    /// The part of a response orthogonal to the subspace.
     pub fn project(&self, response: &[Complex64]) -> Vec<Complex64> {
         project(&self.subspace, response)
     }
 
-    /// Where the jammers are, strongest component first: the points whose responses lie in the subspace best.
-    /// One after the other, with the responses already found projected away from both (Mosher and Leahy,
-    /// IEEE Trans. Signal Processing 47, 1999: RAP-MUSIC). Each comes with the share of its response that
-    /// lies in the subspace: near 1 of a point source.
+    /// Directions of the jammers, strongest component first: the points whose responses lie in the subspace
+    /// best. One after the other, with the responses already found projected away from both (Mosher and
+    /// Leahy, IEEE Trans. Signal Processing 47, 1999: RAP-MUSIC). Each comes with the fraction of its
+    /// response's power that lies in the subspace: near 1 for a point source.
     pub fn directions(&self, manifold: &Manifold) -> Vec<(Point, f64)> {
         let elements = self.subspace.nrows();
         if manifold.elements() != elements || manifold.dimensions() == 0 {
@@ -96,10 +96,10 @@ impl Interference {
         let mut found: Vec<(Point, f64)> = Vec::new();
         let mut known = CMat::zeros(elements, 0);
         for _ in 0..self.count() {
-            let share = |point: Point| {
+            let held = |point: Point| {
                 let a = project(&known, &manifold.response(point));
                 let norm = power(&a);
-                // Beside a known direction nothing is left of the response.
+                // At a known direction nothing remains of the response.
                 if norm < 1e-3 * elements as f64 {
                     return 0.0;
                 }
@@ -107,9 +107,9 @@ impl Interference {
             };
             let across =
                 8 * if manifold.dimensions() == 1 { elements } else { 8.max(elements / 2) };
-            let grid = manifold.grid(across).into_iter().map(|p| (p, share(p)));
+            let grid = manifold.grid(across).into_iter().map(|p| (p, held(p)));
             let Some(best) = grid.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-            let best = climb(best, 2.0 / across as f64, manifold.dimensions(), share);
+            let best = climb(best, 2.0 / across as f64, manifold.dimensions(), held);
             found.push(best);
             let response = project(&known, &manifold.response(best.0));
             let norm = power(&response).sqrt();
@@ -122,10 +122,10 @@ impl Interference {
         found
     }
 
-    /// Removes the jammers from the samples of all elements in place, and gives the noise that is left of
-    /// each element. Nothing is done where there is no jammer.
+    /// Removes the jammers from the samples of all elements in place, and returns the remaining noise of each
+    /// element. Does nothing without jammers.
     ///
-    /// Cost for each sample: some 4 M J (J + 2) multiply-adds and 4 M looks into a table.
+    /// Cost for each sample: some 4 M J (J + 2) multiply-adds and 4 M table look-ups.
     ///
     /// # Panics
     /// When the channels are not as many as the elements, or differ in length.
@@ -137,19 +137,19 @@ impl Interference {
             return Vec::new();
         }
         let step = samples.div_ceil(FIT_SAMPLES);
-        let mut laws: Vec<Law> = Vec::new();
+        let mut noise: Vec<ElementNoise> = Vec::new();
         let mut snapshot = vec![Complex32::ZERO; channels.len()];
         for _ in 0..FITS {
             let mut powers = vec![PowerHistogram::default(); channels.len()];
             for n in (0..samples).step_by(step) {
                 snapshot.iter_mut().zip(channels.iter()).for_each(|(x, c)| *x = c[n]);
-                self.clean(&mut snapshot, &laws);
+                self.clean(&mut snapshot, &noise);
                 powers.iter_mut().zip(&snapshot).for_each(|(p, x)| p.add(x.norm_sqr()));
             }
             let fits: Option<Vec<Mixture>> =
                 powers.iter().map(|p| Mixture::fit(p, false)).collect();
             let Some(fits) = fits else { return Vec::new() };
-            laws = fits.into_iter().map(Law::new).collect();
+            noise = fits.into_iter().map(ElementNoise::new).collect();
         }
         let mut pieces: Vec<_> = channels.iter_mut().map(|c| c.chunks_mut(TASK)).collect();
         let tasks: Vec<Vec<&mut [Complex32]>> = (0..samples.div_ceil(TASK))
@@ -159,36 +159,36 @@ impl Interference {
             let mut snapshot = vec![Complex32::ZERO; piece.len()];
             for n in 0..piece[0].len() {
                 snapshot.iter_mut().zip(&piece).for_each(|(x, c)| *x = c[n]);
-                self.clean(&mut snapshot, &laws);
+                self.clean(&mut snapshot, &noise);
                 piece.iter_mut().zip(&snapshot).for_each(|(c, x)| c[n] = *x);
             }
         });
-        laws.into_iter().map(|law| law.mixture).collect()
+        noise.into_iter().map(|element| element.mixture).collect()
     }
 
-    /// Removes the jammers from one snapshot: by plain projection without laws, else reweighted by them.
-    fn clean(&self, snapshot: &mut [Complex32], laws: &[Law]) {
+    /// Removes the jammers from one snapshot: by projection without `noise`, else reweighted by it.
+    fn clean(&self, snapshot: &mut [Complex32], noise: &[ElementNoise]) {
         let count = self.count();
-        let remove = |snapshot: &mut [Complex32], wave: &[Complex32; MOST]| {
+        let remove = |snapshot: &mut [Complex32], wave: &[Complex32; MAX_JAMMERS]| {
             for (x, row) in snapshot.iter_mut().zip(&self.rows) {
                 for j in 0..count {
                     *x -= row[j] * wave[j];
                 }
             }
         };
-        let mut wave = [Complex32::ZERO; MOST];
+        let mut wave = [Complex32::ZERO; MAX_JAMMERS];
         for (x, row) in snapshot.iter().zip(&self.rows) {
             for j in 0..count {
                 wave[j] += row[j].conj() * x;
             }
         }
         remove(snapshot, &wave);
-        // From here on by what the residual still holds of the jammers under changing weights.
-        for _ in 0..if laws.is_empty() { 0 } else { REWEIGHTINGS } {
-            let mut normal = [[Complex32::ZERO; MOST]; MOST];
-            let mut right = [Complex32::ZERO; MOST];
-            for ((x, row), law) in snapshot.iter().zip(&self.rows).zip(laws) {
-                let weight = law.weight(x.norm_sqr());
+        // From here on by what the residual still contains of the jammers under changing weights.
+        for _ in 0..if noise.is_empty() { 0 } else { REWEIGHTINGS } {
+            let mut normal = [[Complex32::ZERO; MAX_JAMMERS]; MAX_JAMMERS];
+            let mut right = [Complex32::ZERO; MAX_JAMMERS];
+            for ((x, row), element) in snapshot.iter().zip(&self.rows).zip(noise) {
+                let weight = element.weight(x.norm_sqr());
                 for j in 0..count {
                     let weighted = row[j].conj() * weight;
                     right[j] += weighted * x;
@@ -203,12 +203,12 @@ impl Interference {
     }
 }
 
-/// Solves the Hermitian system of which the lower triangle is given, by Cholesky's L D L^H.
+/// Solves the Hermitian system whose lower triangle is given, by Cholesky's L D L^H.
 fn solve(
-    mut a: [[Complex32; MOST]; MOST],
-    mut b: [Complex32; MOST],
+    mut a: [[Complex32; MAX_JAMMERS]; MAX_JAMMERS],
+    mut b: [Complex32; MAX_JAMMERS],
     count: usize,
-) -> Option<[Complex32; MOST]> {
+) -> Option<[Complex32; MAX_JAMMERS]> {
     for j in 0..count {
         let known: f32 = (0..j).map(|k| a[j][k].norm_sqr() * a[k][k].re).sum();
         let pivot = a[j][j].re - known;
@@ -233,12 +233,12 @@ fn solve(
 }
 
 /// The noise of one element, and its weights by power.
-struct Law {
+struct ElementNoise {
     mixture: Mixture,
     weights: Box<[f32]>,
 }
 
-impl Law {
+impl ElementNoise {
     fn new(mixture: Mixture) -> Self {
         // In units of the background, so that the sums of weights stay near the number of elements.
         let weight = |power: f64| mixture.inverse_variance(power) * mixture.background;
@@ -253,7 +253,7 @@ impl Law {
     }
 }
 
-/// x without its part in the span of orthonormal columns.
+/// x without its component in the span of orthonormal columns.
 fn project(basis: &CMat, x: &[Complex64]) -> Vec<Complex64> {
     let mut left = x.to_vec();
     for j in 0..basis.ncols() {
@@ -267,12 +267,12 @@ fn power(x: &[Complex64]) -> f64 {
     x.iter().map(Complex64::norm_sqr).sum()
 }
 
-/// Climbs from a grid point of spacing `step` by steps along the axes, halved when none helps.
+/// Refines a maximum from a grid point of spacing `step` by steps along the axes, halved when none helps.
 fn climb(
     start: (Point, f64),
     mut step: f64,
     dimensions: usize,
-    share: impl Fn(Point) -> f64,
+    value_at: impl Fn(Point) -> f64,
 ) -> (Point, f64) {
     let mut best = start;
     while step > 1e-7 {
@@ -281,7 +281,7 @@ fn climb(
             for sign in [-1.0, 1.0] {
                 let mut point = best.0;
                 point[axis] += sign * step;
-                let value = share(point);
+                let value = value_at(point);
                 if point[0].hypot(point[1]) <= 1.0 && value > best.1 {
                     best = (point, value);
                     moved = true;
@@ -303,11 +303,12 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_distr::StandardNormal;
 
-    /// Noise of the mixture (share, 1, ratio) and jammers (direction cosine, amplitude) on a linear array.
+    /// Noise of the mixture (probability, 1, ratio) and jammers (direction cosine, amplitude) on a linear
+    /// array.
     fn jammed(
         elements: usize,
         samples: usize,
-        (share, ratio): (f64, f32),
+        (probability, ratio): (f64, f32),
         jammers: &[(f64, f32)],
     ) -> (Vec<Vec<Complex32>>, Vec<Vec<Complex32>>) {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
@@ -322,7 +323,8 @@ mod tests {
         let mut chance = rand_chacha::ChaCha8Rng::seed_from_u64(12);
         let noise: Vec<Vec<Complex32>> = (0..elements)
             .map(|_| {
-                let mut impulse = |_| if chance.random::<f64>() < share { ratio } else { 1.0 };
+                let mut impulse =
+                    |_| if chance.random::<f64>() < probability { ratio } else { 1.0 };
                 (0..samples).map(|n| normal(impulse(n))).collect()
             })
             .collect();
@@ -347,42 +349,43 @@ mod tests {
         let (_, both) = jammed(8, samples, (0.0, 1.0), &[(0.29, 31.6), (-0.5, 100.0)]);
         let found = Interference::find(&covariance(&slices(&both)));
         assert_eq!(found.count(), 2);
-        // The two responses correlate to 0.17: the greater eigenvalue is 8 x 10^4 (1 + 0.003) of the floor.
+        // The two responses correlate to 0.17: the larger eigenvalue is 8 x 10^4 (1 + 0.003) of the noise.
         assert!((found.powers_db[0] - 49.03).abs() < 0.1, "{:?}", found.powers_db);
         let directions = found.directions(&Manifold::new(AntennaArray::half_wavelength(8)));
-        let mut places: Vec<f64> = directions.iter().map(|d| d.0[0]).collect();
-        places.sort_by(f64::total_cmp);
+        let mut cosines: Vec<f64> = directions.iter().map(|d| d.0[0]).collect();
+        cosines.sort_by(f64::total_cmp);
         // Stochastic bound: sigma(pi s)^2 = 6 / (T snr M^3): below 2e-5 at 30 dB; five of them.
-        assert!((places[0] + 0.5).abs() < 1e-4 && (places[1] - 0.29).abs() < 1e-4, "{places:?}");
+        assert!((cosines[0] + 0.5).abs() < 1e-4 && (cosines[1] - 0.29).abs() < 1e-4, "{cosines:?}");
         assert!(directions.iter().all(|d| d.1 > 0.999));
         let (_, quiet) = jammed(8, samples, (0.1, 50.0), &[]);
         assert!(Interference::find(&covariance(&slices(&quiet))).is_empty());
     }
 
     #[test]
-    fn what_is_left_under_impulses_is_nearer_to_the_noise_than_a_projection_leaves() {
+    fn under_impulses_the_residual_is_nearer_to_the_noise_than_after_a_projection() {
         let (elements, samples) = (8, 20_000);
         let (noise, both) = jammed(elements, samples, (0.1, 50.0), &[(0.29, 316.0)]);
         let found = Interference::find(&covariance(&slices(&both)));
         let mut cleaned = both.clone();
         let mut channels: Vec<&mut [Complex32]> =
             cleaned.iter_mut().map(Vec::as_mut_slice).collect();
-        let laws = found.remove(&mut channels);
-        // 1/8 of the background is removed along with the jammer, and less where its sample is not clean.
-        for law in laws {
+        let left = found.remove(&mut channels);
+        // 1/8 of the background is removed along with the jammer, and less where its sample is impulsive.
+        for element in left {
             assert!(
-                (law.background - 0.87).abs() < 0.06 && (law.share - 0.1).abs() < 0.01,
-                "{law:?}"
+                (element.background - 0.87).abs() < 0.06
+                    && (element.probability - 0.1).abs() < 0.01,
+                "{element:?}"
             );
-            assert!((law.impulse / 50.0 - 1.0).abs() < 0.15, "{law:?}");
+            assert!((element.impulse / 50.0 - 1.0).abs() < 0.15, "{element:?}");
         }
         let error = |got: &[Vec<Complex32>]| {
             let pairs = got.iter().zip(&noise).flat_map(|(a, b)| a.iter().zip(b));
             pairs.map(|(a, b)| f64::from((a - b).norm_sqr())).sum::<f64>() / samples as f64
         };
         // The error is along the jammer: under known variances v_m of power M / sum(1/v_m), a little over 1
-        // (for eight clean elements 1, for six 1.3); a projection leaves the mean variance, 5.9. Estimated
-        // weights and the error of the subspace (7 x 5.9 / 20000) cost less than half again.
+        // (for eight elements without impulses 1, for six 1.3); a projection leaves the mean variance, 5.9.
+        // Estimated weights and the error of the subspace (7 x 5.9 / 20000) cost less than half again.
         let mut plain = both.clone();
         for n in 0..samples {
             let mut snapshot: Vec<Complex32> = plain.iter().map(|c| c[n]).collect();
@@ -394,15 +397,16 @@ mod tests {
     }
 
     #[test]
-    fn the_small_solver_solves() {
+    fn the_small_solver_is_accurate_to_rounding() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let mut entry = || Complex32::new(rng.random::<f32>() - 0.5, rng.random::<f32>() - 0.5);
-        let factor: [[Complex32; MOST]; MOST] =
+        let factor: [[Complex32; MAX_JAMMERS]; MAX_JAMMERS] =
             std::array::from_fn(|_| std::array::from_fn(|_| entry()));
-        let truth: [Complex32; MOST] = std::array::from_fn(|_| entry());
-        for count in 1..=MOST {
+        let truth: [Complex32; MAX_JAMMERS] = std::array::from_fn(|_| entry());
+        for count in 1..=MAX_JAMMERS {
             let a = |i: usize, k: usize| -> Complex32 {
-                let dot: Complex32 = (0..MOST).map(|l| factor[i][l] * factor[k][l].conj()).sum();
+                let dot: Complex32 =
+                    (0..MAX_JAMMERS).map(|l| factor[i][l] * factor[k][l].conj()).sum();
                 dot + if i == k { 1.0 } else { 0.0 }
             };
             let matrix = std::array::from_fn(|i| {

@@ -1,4 +1,4 @@
-//! What an antenna array says of each satellite: from where it comes, and whether it should.
+//! Measurements of an antenna array on each satellite: its direction, and whether it agrees with the orbit.
 
 pub mod authenticity;
 pub mod beams;
@@ -14,11 +14,11 @@ use crate::gnss::{Sv, Transmission};
 use authenticity::{OneDirection, agrees, one_direction};
 use nalgebra::{Unit, Vector3};
 
-/// What errors of attitude and elements may turn a direction by, in direction cosines (0.1 is 6 degrees at
-/// the zenith or at broadside).
+/// Errors of a direction by those of attitude and elements, in direction cosines (0.1 is 6 degrees at the
+/// zenith or at broadside).
 const TOLERANCE: f64 = 0.1;
 
-/// A satellite as the array sees it.
+/// Array measurements of a satellite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SatelliteArrival {
     /// The satellite.
@@ -27,57 +27,57 @@ pub struct SatelliteArrival {
     pub signature: Signature,
     /// Power at one element over the noise of a sample.
     pub sample_snr: f64,
-    /// Where it comes from, where the array's geometry is known.
+    /// Its direction, where the array's geometry is known.
     pub arrival: Option<Arrival>,
-    /// Where it should come from, where its orbit and the receiver's position are known.
+    /// Its predicted direction, where its orbit and the receiver's position are known.
     pub predicted: Option<Prediction>,
 }
 
-/// A direction that follows from orbit and position.
+/// A direction predicted from orbit and position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// As the array would measure it.
     pub bearing: Bearing,
-    /// How far the measured direction lies from it, in direction cosines.
+    /// Distance of the measured direction from it, in direction cosines.
     pub apart: f64,
-    /// Whether the two agree within the measurement's deviation and errors of attitude and elements.
+    /// Whether the two agree within five standard deviations and errors of attitude and elements.
     pub agrees: bool,
 }
 
-/// Signals counted without knowing any code, and the satellites whose codes they turned out to be (route c).
+/// Number of signals by their code periods, without codes, and the satellites whose codes were found in them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlindCount {
-    /// Code periods that were decomposed.
+    /// Number of code periods decomposed.
     pub periods: usize,
-    /// Singular values that noise does not explain: signals, whatever their code.
+    /// Number of singular values that noise does not explain: signals, whatever their code.
     pub signals: usize,
     /// Satellites found in them, strongest first.
     pub satellites: Vec<Sv>,
-    /// Fourier transforms that took.
+    /// Number of Fourier transforms used.
     pub transforms: usize,
-    /// Inverse transforms that the full search of the same samples takes.
+    /// Number of inverse transforms of the full search of the same samples.
     pub full_search_transforms: usize,
 }
 
-/// The satellites in the array's sky.
+/// The satellites received by an array.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArraySky {
-    /// Sources and their directions, found before any code is known (route b); absent without geometry.
+    /// Sources and their directions without codes; `None` without geometry.
     pub picture: Option<SkyPicture>,
-    /// Signals and satellites found in the code periods (route c).
+    /// Signals by their code periods, and satellites found in them.
     pub blind: Option<BlindCount>,
-    /// Satellites despread, strongest first (route d).
+    /// Signatures of satellites by despreading, strongest first.
     pub satellites: Vec<SatelliteArrival>,
-    /// Whether they all come from one direction; `None` with too few to tell.
+    /// Whether they all come from one direction; `None` with too few for a result.
     pub one_direction: Option<OneDirection>,
 }
 
-/// The satellites of an array's sky at one instant of a recording.
+/// The satellites received by an array at one instant of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyEpoch {
     /// Index of the sample in the middle of what was despread.
     pub sample: u64,
-    /// The satellites that were clear then.
+    /// The satellites that were clearly measured then.
     pub sky: ArraySky,
 }
 
@@ -101,8 +101,8 @@ impl ArraySky {
         self.satellites = signatures.into_iter().map(seen).collect();
     }
 
-    /// Compares the directions of satellites with where they should come from (unit vectors towards them, in
-    /// the frame of the manifold's elements).
+    /// Compares the directions of satellites with the predicted ones (unit vectors towards them, in the frame
+    /// of the manifold's elements).
     pub fn predict(&mut self, manifold: &Manifold, expected: &[(Sv, Unit<Vector3<f64>>)]) {
         for satellite in &mut self.satellites {
             let known = expected.iter().find(|e| e.0 == satellite.sv);
@@ -113,8 +113,8 @@ impl ArraySky {
         }
     }
 
-    /// Sources found without a code that no satellite explains: farther from each than half a beam and five
-    /// standard deviations.
+    /// Sources found without codes that no satellite explains: farther from each than half a beamwidth and
+    /// five standard deviations.
     pub fn unexplained(&self) -> impl Iterator<Item = &Source> {
         let elements = self.picture.as_ref().map_or(1, |p| p.elements) as f64;
         let found = self.picture.iter().flat_map(|p| &p.sources);
@@ -127,18 +127,19 @@ impl ArraySky {
         })
     }
 
-    /// Number of sources seen without despreading: by direction, or by their code periods, whichever is more.
+    /// Number of sources found without despreading: by direction or by their code periods, whichever is
+    /// larger.
     pub fn sources(&self) -> usize {
         let by_direction = self.picture.as_ref().map_or(0, |p| p.sources.len());
         by_direction.max(self.blind.as_ref().map_or(0, |b| b.signals))
     }
 
-    /// What of it a person should be warned of.
+    /// Warnings for the user.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(OneDirection { apart, is_one: true, .. }) = self.one_direction {
             warnings.push(format!(
-                "all {} satellites come from one direction ({:.1} % of their power lies apart from it): suspected spoofing, or channels that share one antenna",
+                "all {} satellites come from one direction ({:.1} % of their power is orthogonal to it): suspected spoofing, or channels that share one antenna",
                 self.satellites.len(),
                 100.0 * apart
             ));
@@ -155,10 +156,13 @@ impl ArraySky {
                 "suspected spoofing or reflection"
             };
             warnings.push(format!(
-                "{} not where the orbit says: {cause}",
+                "{}: {cause}",
                 match &wrong[..] {
-                    [one] => format!("{one} comes from a direction"),
-                    many => format!("{} come from directions", many.join(" ")),
+                    [one] => format!("{one} comes from a direction that disagrees with its orbit"),
+                    many => format!(
+                        "{} come from directions that disagree with their orbits",
+                        many.join(" ")
+                    ),
                 }
             ));
         }

@@ -22,15 +22,15 @@ pub struct Decomposition<E> {
 /// Parameters of the iteration.
 #[derive(Clone, Copy)]
 pub struct Parameters {
-    /// gamma rho: by how much X is shrunk.
+    /// gamma rho: shrinkage of X.
     pub shrink_x: f32,
-    /// rho: by how much the residual is.
+    /// rho: shrinkage of the residual.
     pub shrink_r: f32,
     /// Relaxation.
     pub relax: f32,
 }
 
-/// The state of sixteen snapshots, and room to work in.
+/// The state of sixteen snapshots, and work space.
 pub(super) struct State {
     y: Block,
     /// W, whose shrinkage is X.
@@ -56,8 +56,8 @@ impl State {
     }
 }
 
-/// So many iterations. With `rows`, the shares that are left of each row of W (repeated for all lanes) stand in
-/// place of the shrinkage of each of its entries: they hold for one iteration.
+/// So many iterations. With `rows`, the fractions that remain of each row of W (repeated for all lanes)
+/// replace the shrinkage of each of its entries: they are valid for one iteration.
 pub fn iterate<E: Entry>(
     dictionary: &Decomposition<E>,
     parameters: Parameters,

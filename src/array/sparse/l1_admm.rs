@@ -14,12 +14,14 @@
 //! W <- W + relax (u - X);    V <- V + relax (Y - A u - R)
 //! ```
 //!
-//! With A = U S V^H, cut where singular values fall below single precision, the projection costs 2 r (M + L)
-//! products per snapshot (r = 18 on the paper's grid of 50 x 31); of arrays that look alike from both ends they
-//! are products with real numbers (module `mirrored`). rho = c median|Y|: the solver has no scale of its own.
+//! With A = U S V^H, truncated where singular values fall below single precision, the projection costs
+//! 2 r (M + L) products per snapshot (r = 18 on the paper's grid of 50 x 31); for arrays with mirror symmetry they
+//! are products with real numbers (module `mirrored`). rho = c median|Y| makes the solver independent of
+//! scale.
 //!
-//! A bound on what is left to gain stops it: Lam = (V - R) / rho, scaled until |A^H Lam| <= gamma, is feasible in
-//! the dual problem, max Re <Lam, Y>, so that the optimum lies between that value and the objective.
+//! A bound on the duality gap ends the iteration: Lam = (V - R) / rho, scaled until |A^H Lam| <= gamma, is
+//! feasible in the dual problem, max Re <Lam, Y>, so that the optimum lies between that value and the
+//! objective.
 
 use super::admm_kernel::{Decomposition, Parameters, State, iterate};
 use super::lanes::{Block, Entry, LANES, Packed, matrix};
@@ -30,7 +32,7 @@ use faer::prelude::*;
 use num_complex::Complex64;
 use sdr_rx_linalg::{Cholesky, thin_svd};
 
-/// Singular values below this share of the largest are left out: their effect is that of single precision.
+/// Singular values below this fraction of the largest are omitted: their effect is that of single precision.
 const RANK_TOLERANCE: f64 = 2e-5;
 
 /// Settings of the splitting.
@@ -44,12 +46,12 @@ pub struct AdmmSettings {
     pub c: f64,
     /// Relaxation, 0 to 2.
     pub relax: f64,
-    /// Iterations at most.
+    /// Maximum number of iterations.
     pub iterations: usize,
-    /// Relative duality gap that is small enough (0: never). The objective is typically ten times nearer to
-    /// the optimum; single precision ends at some 3e-5.
+    /// Relative duality gap at which the iteration ends (0: never). The objective is typically ten times
+    /// closer to the optimum; single precision ends at some 3e-5.
     pub gap: f64,
-    /// Iterations between two looks at the gap.
+    /// Iterations between two computations of the gap.
     pub stretch: usize,
 }
 
@@ -83,7 +85,7 @@ impl AdmmSettings {
     }
 }
 
-/// An estimate, and how good it is.
+/// An estimate, and its accuracy.
 #[derive(Clone, Debug)]
 pub struct SparseEstimate {
     /// X, L x N.
@@ -92,21 +94,21 @@ pub struct SparseEstimate {
     pub objective: f64,
     /// Bound on (objective - optimum) / objective.
     pub gap: f64,
-    /// Iterations made.
+    /// Number of iterations.
     pub iterations: usize,
 }
 
-/// A dictionary made ready.
+/// A decomposed dictionary.
 pub struct AdmmPlan<'a> {
     a: &'a CMat,
     rank: usize,
     form: Form,
 }
 
-/// What the iteration works with.
+/// The operands of the iteration.
 enum Form {
     Complex(Decomposition<[f32; 2]>),
-    /// In real numbers, and the phases by which X is turned there.
+    /// In real numbers, and the phases by which X is multiplied there.
     Mirrored(Decomposition<f32>, Vec<Complex64>),
 }
 
@@ -204,8 +206,8 @@ fn decomposition<E: Entry>(
     }
 }
 
-/// The same iteration in double precision as the equations above have it: the reference, and where more than
-/// four digits of the objective are asked for. Some 20 times slower.
+/// The same iteration in double precision, as in the equations above: the reference, and for more than four
+/// digits of the objective. Some 20 times slower.
 ///
 /// # Errors
 /// As [`AdmmPlan::solve`].
@@ -241,7 +243,7 @@ pub fn solve_exactly(
     unreachable!("the loop ends at the last iteration")
 }
 
-/// What W and V (of Y / `unit`) stand for, and a bound on its distance from the optimum.
+/// X and the residual of W and V (of Y / `unit`), and a bound on their distance from the optimum.
 fn estimate(
     a: &CMat,
     y: &CMat,
@@ -298,12 +300,12 @@ fn shrunk(matrix: &CMat, by: f64) -> CMat {
     })
 }
 
-/// Share that is left of what has this norm.
+/// Fraction that remains of a number of this norm.
 fn kept_of(norm: f64, by: f64) -> f64 {
     if norm > by { 1.0 - by / norm } else { 0.0 }
 }
 
-/// Share that is left of each row of W over all blocks, repeated for all lanes.
+/// Fraction that remains of each row of W over all blocks, repeated for all lanes.
 fn left_of_rows(state: &[State], rows: usize, by: f64) -> Vec<f32> {
     let mut powers = vec![0f64; rows];
     for part in state.iter().flat_map(|s| [s.w.part(0), s.w.part(1)]) {
@@ -314,14 +316,14 @@ fn left_of_rows(state: &[State], rows: usize, by: f64) -> Vec<f32> {
     powers.into_iter().flat_map(|p| [kept_of(p.sqrt(), by) as f32; LANES]).collect()
 }
 
-/// The scale of the snapshots: the median modulus, or where that is 0 the greatest; `None` of zeros alone.
+/// The scale of the snapshots: the median modulus, or where that is 0 the largest; `None` of zeros alone.
 fn scale(y: &CMat) -> Option<f64> {
-    let greatest = y.norm_max();
+    let largest = y.norm_max();
     let median = median_modulus(y);
-    (greatest > 0.0).then_some(if median > 0.0 { median } else { greatest })
+    (largest > 0.0).then_some(if median > 0.0 { median } else { largest })
 }
 
-/// The estimate where there is no signal at all.
+/// The estimate without any signal.
 fn nothing(l: usize, n: usize) -> SparseEstimate {
     SparseEstimate { x: CMat::zeros(l, n), objective: 0.0, gap: 0.0, iterations: 0 }
 }

@@ -1,9 +1,9 @@
-//! Sixteen snapshots side by side: the ground of the fast sparse solvers.
+//! Sixteen snapshots side by side: the data structures of the fast sparse solvers.
 //!
-//! A block of sixteen columns lies as rows of sixteen numbers, all real parts and then all imaginary ones, so
-//! that a row of a part is one AVX-512 register (two of AVX2, four of NEON), and no operation crosses columns.
-//! The functions here are inlined into kernels that are compiled for several instruction sets; those of
-//! single numbers take one part at a time as a flat slice, which is what compilers vectorise best.
+//! A block of sixteen columns is stored as rows of sixteen numbers, all real parts and then all imaginary
+//! ones, so that a row of a part is one AVX-512 register (two of AVX2, four of NEON), and no operation
+//! crosses columns. The functions here are inlined into kernels that are compiled for several instruction
+//! sets; those of single numbers take one part at a time as a flat slice, which compilers vectorise best.
 
 use super::register::Register;
 use crate::array::CMat;
@@ -43,7 +43,7 @@ impl Block {
         bytemuck::cast_slice(&self.0[part])
     }
 
-    /// The same, to be changed.
+    /// Real (0) or imaginary (1) part, mutable.
     #[inline(always)]
     pub fn part_mut(&mut self, part: usize) -> &mut [f32] {
         bytemuck::cast_slice_mut(&mut self.0[part])
@@ -75,7 +75,7 @@ impl Block {
         }
     }
 
-    /// One number.
+    /// One entry.
     pub fn at(&self, row: usize, column: usize) -> Complex64 {
         let [re, im] = [0, 1].map(|part| f64::from(self.0[part][row].0[column]));
         Complex64::new(re, im)
@@ -121,7 +121,7 @@ pub fn unfold<R: Register>(block: &mut Block, rows: usize) {
     }
 }
 
-/// For each number: what is left when `by` is taken from its modulus, as a share of it, `floor` at least.
+/// For each number: its modulus less `by`, as a fraction of the modulus, at least `floor`.
 #[inline(always)]
 pub fn kept(re: &[f32], im: &[f32], by: f32, floor: f32, out: &mut [f32]) {
     for ((re, im), out) in re.iter().zip(im).zip(out) {
@@ -129,8 +129,8 @@ pub fn kept(re: &[f32], im: &[f32], by: f32, floor: f32, out: &mut [f32]) {
     }
 }
 
-/// 1 / sqrt(x) to single precision by Newton's iteration from the exponent's half (Lomont 2003): operations that
-/// vectorise, where a root and a division take three times as long. Of zero: a large finite number.
+/// 1 / sqrt(x) to single precision by Newton's iteration from half the exponent (Lomont 2003): operations
+/// that vectorise, where a root and a division take three times as long. Of zero: a large finite number.
 #[inline(always)]
 fn inverse_root(x: f32) -> f32 {
     let half = 0.5 * x;
@@ -174,7 +174,7 @@ impl Entry for f32 {
     }
 }
 
-/// A matrix ready to be multiplied with blocks: tiles of six rows, column by column within.
+/// A matrix packed for multiplication with blocks: tiles of six rows, column by column within.
 #[derive(Clone, Debug)]
 pub struct Packed<E> {
     rows: usize,
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_kept_are_those_of_shrinkage() {
+    fn remaining_fractions_are_those_of_shrinkage() {
         let moduli = [1e-15f32, 0.3, 1.0, 1.5, 7.5, 1e15];
         let mut out = [0.0; 6];
         kept(&moduli.map(|m| 0.6 * m), &moduli.map(|m| -0.8 * m), 1.0, 0.0, &mut out);

@@ -4,7 +4,7 @@ use super::lanes::{Block, LANES, Packed, kept};
 use super::register::{Register, Sweep, dispatch};
 use crate::array::CMat;
 
-/// What all blocks share.
+/// The constants common to all blocks.
 pub struct Kernel {
     forward: Packed<[f32; 2]>,
     adjoint: Packed<[f32; 2]>,
@@ -12,7 +12,7 @@ pub struct Kernel {
     mu: f32,
 }
 
-/// The state of sixteen snapshots, and room to work in.
+/// The state of sixteen snapshots, and work space.
 pub(super) struct State {
     y: Block,
     /// X, the upper part of Z.

@@ -19,11 +19,11 @@
 //! X = the first L rows of Z
 //! ```
 //!
-//! Decisions where the paper is silent or contradicts itself:
+//! Decisions where the paper is not specific or inconsistent:
 //!
-//! * s_k = eta ([`StepLength::Constant`]). The step as printed, eta / (k + 1) ([`StepLength::Decreasing`]), travels eta/2
-//!   ln K in all and stays at an NMSE of 0.6 after 10^4 iterations; the constant one gives the published
-//!   minima and the published upper limit of mu.
+//! * s_k = eta ([`StepLength::Constant`]). The step as printed, eta / (k + 1) ([`StepLength::Decreasing`]),
+//!   has a total length of eta/2 ln K and stays at an NMSE of 0.6 after 10^4 iterations; the constant one gives
+//!   the published minima and the published upper limit of mu.
 //! * Z / |Z| is 0 where Z is 0. The trace in (17) is twice its real part: only so does (27) follow.
 //! * Z0 is complex normal of unit variance and Lam0 one in every entry. At the optimum |Lam| is at most
 //!   1/(2 gamma): Lam0 only costs a transient; the scale of Z0 does not matter if far below the signals'.
@@ -45,17 +45,17 @@ use faer::{Accum, MatRef, Par};
 use num_complex::Complex64;
 use sdr_rx_linalg::thin_svd;
 
-/// How the step s_k goes with the iteration.
+/// Dependence of the step s_k on the iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StepLength {
-    /// s_k = eta: what gives the paper's figures.
+    /// s_k = eta: reproduces the paper's figures.
     #[default]
     Constant,
     /// s_k = eta / (k + 1): as printed.
     Decreasing,
 }
 
-/// A start of Z or Lam.
+/// Initial values of Z or Lam.
 #[derive(Clone, Debug)]
 pub enum Start {
     /// Complex normals, row by row, of this seed and standard deviation.
@@ -65,7 +65,7 @@ pub enum Start {
         /// Standard deviation, sqrt(E|z|^2).
         scale: f64,
     },
-    /// Every entry the same.
+    /// All entries equal.
     Constant(Complex64),
     /// These entries: (L + M) x N of Z, M x N of Lam.
     Given(CMat),
@@ -96,7 +96,7 @@ impl Start {
     }
 }
 
-/// Everything that Algorithm 1 leaves to its user.
+/// The parameters of Algorithm 1.
 #[derive(Clone, Debug)]
 pub struct LdaSettings {
     /// gamma: weight of X against the residual.
@@ -107,7 +107,7 @@ pub struct LdaSettings {
     pub mu: f64,
     /// K.
     pub iterations: usize,
-    /// How the step in Z goes on.
+    /// Dependence of the step in Z on the iteration.
     pub step: StepLength,
     /// Z0.
     pub z0: Start,
@@ -137,7 +137,7 @@ impl LdaSettings {
     }
 }
 
-/// What eta mu must stay below: 4 / (lambda_max(A A^H) + gamma^2).
+/// Upper limit of eta mu for stability: 4 / (lambda_max(A A^H) + gamma^2).
 ///
 /// # Errors
 /// When the decomposition of A fails.
@@ -148,7 +148,7 @@ pub fn stability_bound(dictionary: &CMat, gamma: f64) -> Result<f64, SparseError
     Ok(4.0 / (largest * largest + gamma * gamma))
 }
 
-/// Says that the iteration has left every bound, when it has.
+/// Returns an error when the iteration has diverged.
 fn diverged(
     reach: f64,
     largest: f64,
@@ -164,7 +164,7 @@ fn diverged(
     Err(SparseError::Diverged { iteration, product })
 }
 
-/// Greatest modulus; infinite where an entry is not a number.
+/// Maximum modulus; infinite where an entry is not a number.
 fn reach(matrix: &CMat) -> f64 {
     let entries = matrix.col_iter().flat_map(|c| c.iter());
     entries.fold(0.0, |m, z| if z.is_finite() { z.norm().max(m) } else { f64::INFINITY })
@@ -252,7 +252,7 @@ pub fn solve(a: &CMat, y: &CMat, settings: &LdaSettings) -> Result<CMat, SparseE
         State::new(block(y.as_ref()), block(x), block(e), block(lambda0.as_ref()))
     };
     let mut state: Vec<State> = (0..n).step_by(LANES).map(start).collect();
-    // In stretches, so that a diverging iteration ends early.
+    // In stretches, so that divergence is detected early.
     const STRETCH: usize = 500;
     let estimate = |state: &[State]| matrix(l, n, |b| &state[b].x);
     for first in (1..=settings.iterations).step_by(STRETCH) {

@@ -1,4 +1,4 @@
-//! Dictionaries of arrays that look alike from both ends, in real numbers.
+//! Dictionaries of arrays with mirror symmetry, in real numbers.
 //!
 //! Where elements m and M-1-m lie opposite each other about a centre (lines, rectangles), the responses referred to
 //! that centre are conjugate in mirrored rows. So A = Q B D with Q unitary (`lanes::unfold`: two additions a
@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use num_complex::Complex64;
 use std::f64::consts::SQRT_2;
 
-/// How far responses may be from conjugate, of the largest: what single precision does not see.
+/// Maximum deviation of responses from conjugate, relative to the largest: negligible in single precision.
 const TOLERANCE: f64 = 1e-7;
 
 /// B and the diagonal of D of a dictionary A (elements x directions); `None` where it has no such form.
@@ -44,7 +44,7 @@ mod tests {
     use crate::gnss::antenna::ArrayDescription;
 
     #[test]
-    fn lines_and_rectangles_have_the_real_form_and_circles_have_not() {
+    fn lines_and_rectangles_have_the_real_form_and_circles_do_not() {
         let of = |array: &str| {
             let manifold = Manifold::new(ArrayDescription::parse(array).unwrap().in_enu());
             dictionary(&manifold, &manifold.grid(12))

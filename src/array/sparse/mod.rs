@@ -8,7 +8,7 @@
 //!
 //! with pen(X) the sum of all moduli ([`Penalty::L11`]: eq. (8) of the paper on JANE times gamma, columns
 //! apart) or of the Euclidean norms of the rows ([`Penalty::Rows`]: directions are shared by all snapshots).
-//! The absolute loss is what makes impulses harmless.
+//! The absolute loss limits the effect of impulses.
 
 mod admm_kernel;
 pub mod l1_admm;
@@ -32,23 +32,23 @@ pub enum Engine {
     /// Douglas-Rachford splitting ([`l1_admm`]): reaches the optimum, 25 to 40 times faster.
     #[default]
     Admm,
-    /// LDA-l1,1 ([`lda_l11`]) as the paper names it: ends a little above the optimum.
+    /// LDA-l1,1 ([`lda_l11`]) as in the paper: ends a little above the optimum.
     Lda,
 }
 
-/// How to reconstruct.
+/// Options of the reconstruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SparseOptions {
     /// The algorithm.
     pub engine: Engine,
-    /// What X costs.
+    /// Penalty of X.
     pub penalty: Penalty,
-    /// Weight of that cost against the residual; `None`: [`default_gamma`].
+    /// Weight of the penalty against the residual; `None`: [`default_gamma`].
     pub gamma: Option<f64>,
 }
 
-/// The gamma at which noise alone hardly stirs a row: of l1,1 1.2 sqrt(M) (|a^H sign(noise)| is sqrt(M) in the
-/// mean square; the paper's 5 at M = 50 is 0.7 sqrt(M), which overfits where L > M), of rows sqrt(M N).
+/// The gamma at which noise alone hardly affects a row: for l1,1 1.2 sqrt(M) (|a^H sign(noise)| is sqrt(M) in
+/// the mean square; the paper's 5 at M = 50 is 0.7 sqrt(M), which overfits where L > M), for rows sqrt(M N).
 pub fn default_gamma(penalty: Penalty, elements: usize, snapshots: usize) -> f64 {
     match penalty {
         Penalty::L11 => 1.2 * (elements as f64).sqrt(),

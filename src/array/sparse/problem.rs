@@ -1,27 +1,27 @@
-//! The problem that all engines solve: its penalty, its objective, what can be wrong with it.
+//! The problem that all engines solve: its penalty, its objective, and its errors.
 
 use crate::array::CMat;
 use thiserror::Error;
 
-/// What goes wrong in sparse reconstruction.
+/// Errors of sparse reconstruction.
 #[derive(Debug, Error)]
 pub enum SparseError {
-    /// Matrices that do not fit.
+    /// Matrices of inconsistent shapes.
     #[error("{what}: {rows} x {columns}, but it must be {expected}")]
     Shape {
-        /// Which matrix.
+        /// Name of the matrix.
         what: &'static str,
         /// Its rows.
         rows: usize,
         /// Its columns.
         columns: usize,
-        /// What would be right.
+        /// The expected shape.
         expected: String,
     },
     /// A number that is not finite.
     #[error("{what}: entry ({row}, {column}) is not a finite number")]
     NotFinite {
-        /// Which matrix.
+        /// Name of the matrix.
         what: &'static str,
         /// Row, from 0.
         row: usize,
@@ -35,35 +35,35 @@ pub enum SparseError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What would be right.
+        /// The valid range.
         range: &'static str,
     },
-    /// LDA-l1,1 has left every bound.
+    /// LDA-l1,1 diverged.
     #[error(
         "LDA-l1,1 diverged by iteration {iteration}: eta mu (lambda_max + gamma^2) = {product:.3} must be \
-         below 4; a smaller eta or mu would be right"
+         below 4; use a smaller eta or mu"
     )]
     Diverged {
-        /// The iteration at which it was seen.
+        /// The iteration at which it was detected.
         iteration: usize,
         /// eta mu (lambda_max(A A^H) + gamma^2).
         product: f64,
     },
-    /// LDA-l1,1 asked for another problem.
-    #[error("LDA-l1,1 knows no row penalty: the engine ADMM solves it")]
+    /// A problem that LDA-l1,1 cannot solve.
+    #[error("LDA-l1,1 has no row penalty: use the engine ADMM")]
     NoRows,
-    /// A decomposition or a conic program that came to no end.
+    /// A decomposition or a conic program that did not converge.
     #[error("{doing}: no convergence")]
     NoConvergence {
-        /// What was being done.
+        /// Name of the operation.
         doing: &'static str,
     },
 }
 
-/// What X costs.
+/// Penalty of X.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Penalty {
-    /// The sum of all moduli; snapshots do not meet.
+    /// The sum of all moduli; snapshots are independent.
     #[default]
     L11,
     /// The sum of the norms of the rows.
@@ -100,7 +100,7 @@ pub(super) fn median_modulus(matrix: &CMat) -> f64 {
     powers.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
 }
 
-/// Refuses what no engine can take.
+/// Checks shapes and that all entries are finite.
 pub fn check(a: &CMat, y: &CMat) -> Result<(), SparseError> {
     let shape = |what, matrix: &CMat, expected: String| SparseError::Shape {
         what,
@@ -124,7 +124,7 @@ pub fn check(a: &CMat, y: &CMat) -> Result<(), SparseError> {
     Ok(())
 }
 
-/// Refuses a parameter that is not above 0.
+/// Checks that a parameter is above 0.
 pub fn positive(name: &'static str, value: f64) -> Result<(), SparseError> {
     match value > 0.0 && value.is_finite() {
         true => Ok(()),

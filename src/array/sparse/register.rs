@@ -1,11 +1,11 @@
 //! Vector registers of several instruction sets under one name, and the choice among them at run time.
 //!
-//! The crate `multiversion` keeps AVX-512 for processors from Ice Lake on, and leaves the assignment of registers
-//! to the compiler's mood; the products of the sparse solvers gain a factor of three by neither.
+//! The crate `multiversion` enables AVX-512 only for processors from Ice Lake on, and leaves the allocation of
+//! registers to the compiler; explicit registers make the products of the sparse solvers three times as fast.
 
 /// A computation on blocks that is compiled for each instruction set.
 pub trait Sweep {
-    /// Does it with registers `R`. Must be `#[inline(always)]`.
+    /// Runs it with registers `R`. Must be `#[inline(always)]`.
     fn run<R: Register>(self);
 }
 
@@ -30,13 +30,13 @@ pub fn dispatch(sweep: impl Sweep) {
 /// Several single-precision numbers in one register. A type of this kind exists only inside
 /// [`dispatch`], which has asked the processor for it.
 pub trait Register: Copy {
-    /// How many.
+    /// Number of lanes.
     const WIDTH: usize;
-    /// The same number throughout.
+    /// The same number in all lanes.
     fn splat(value: f32) -> Self;
-    /// The first `WIDTH` numbers; there must be so many.
+    /// Loads the first `WIDTH` numbers, which must exist.
     fn load(from: &[f32]) -> Self;
-    /// Into the first `WIDTH` places; there must be so many.
+    /// Stores into the first `WIDTH` numbers, which must exist.
     fn store(self, to: &mut [f32]);
     /// self + a b.
     fn plus(self, a: Self, b: Self) -> Self;
@@ -44,7 +44,8 @@ pub trait Register: Copy {
     fn minus(self, a: Self, b: Self) -> Self;
 }
 
-/// The plain twin, for processors without those of x86: four numbers, as NEON and SSE have them.
+/// The portable version, for processors without the instructions of x86: four numbers, as NEON and SSE have
+/// them.
 impl Register for [f32; 4] {
     const WIDTH: usize = 4;
 

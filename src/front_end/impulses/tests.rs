@@ -63,12 +63,12 @@ fn gaussian_noise_passes_bit_for_bit_at_any_level_and_through_any_converter() {
 
 /// Signal-to-noise ratio of a weak constant after the map over that in the background alone, dB, and the
 /// signal's gain.
-fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) -> (f64, f64) {
+fn loss_db(suppression: Suppression, noise_of: (f64, f64), level: f32, real: bool) -> (f64, f64) {
     // 17 dB under the background, as a strong satellite is.
     const AMPLITUDE: f32 = 0.141;
     const LEN: usize = 1 << 18;
-    let mut samples = noise(law.0, law.1, real, LEN, 3);
-    // The sign of the constant alternates, so that neither mean nor offset of the noise counts.
+    let mut samples = noise(noise_of.0, noise_of.1, real, LEN, 3);
+    // The sign of the constant alternates, so that neither mean nor offset of the noise contributes.
     let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     samples.iter_mut().enumerate().for_each(|(k, z)| *z = (*z + AMPLITUDE * sign(k)) * level);
     let after = suppressed(suppression, real, &samples);
@@ -83,13 +83,14 @@ fn loss_db(suppression: Suppression, law: (f64, f64), level: f32, real: bool) ->
 }
 
 #[test]
-fn each_map_loses_what_theory_says_and_keeps_the_signals_level() {
+fn each_map_has_the_theoretical_loss_and_unit_gain_for_the_signal() {
     // The gain's standard deviation is that of the mean of 2^18 samples over the amplitude,
     // sqrt(noise / 2^19) / 0.141 = 1.3 % of a complex and 1.8 % of a real signal where the noise after the map is
     // 1.7 or less: 0.16 dB, of which three. A signal of 2 % of the power is not quite weak: 2 %.
     for real in [false, true] {
-        for law in [(0.1, 50.0), (0.1, 1e4)] {
-            let mixture = Mixture { share: law.0, background: 1.0, impulse: law.1, real };
+        for noise_of in [(0.1, 50.0), (0.1, 1e4)] {
+            let mixture =
+                Mixture { probability: noise_of.0, background: 1.0, impulse: noise_of.1, real };
             for (suppression, map) in [
                 (Suppression::Auto, Map::Optimal),
                 (Suppression::Optimal, Map::Optimal),
@@ -98,10 +99,16 @@ fn each_map_loses_what_theory_says_and_keeps_the_signals_level() {
                 (Suppression::Sign, Map::Sign),
             ] {
                 for level in [1e-30, 1e30] {
-                    let (loss, gain) = loss_db(suppression, law, level, real);
+                    let (loss, gain) = loss_db(suppression, noise_of, level, real);
                     let theory = map.loss_db(&mixture);
-                    assert!((loss - theory).abs() < 0.5, "{suppression} {law:?}: {loss} {theory}");
-                    assert!((gain - 1.0).abs() < 0.08, "{suppression} {law:?} {level}: {gain}");
+                    assert!(
+                        (loss - theory).abs() < 0.5,
+                        "{suppression} {noise_of:?}: {loss} {theory}"
+                    );
+                    assert!(
+                        (gain - 1.0).abs() < 0.08,
+                        "{suppression} {noise_of:?} {level}: {gain}"
+                    );
                 }
             }
         }
@@ -109,7 +116,7 @@ fn each_map_loses_what_theory_says_and_keeps_the_signals_level() {
 }
 
 #[test]
-fn the_kernel_equals_its_plain_twin_and_the_weights_given() {
+fn the_kernel_equals_its_scalar_version_and_the_weights_returned() {
     let mut samples = noise(0.1, 1e3, false, 5003, 8);
     samples[7] = Complex32::new(f32::NAN, 1.0);
     samples[8] = Complex32::new(1.0, -f32::NAN);
@@ -124,25 +131,25 @@ fn the_kernel_equals_its_plain_twin_and_the_weights_given() {
         if (7..=10).contains(&k) {
             assert_eq!(*after, Complex32::ZERO);
         } else {
-            // Fused products may round a power into the neighbouring bin, whose weight is near.
+            // Fused products may round a power into the neighbouring bin, whose weight is similar.
             assert!((before * weight - after).norm() <= 0.2 * before.norm() * weight, "{k}");
         }
     }
 }
 
 #[test]
-fn short_blocks_take_the_last_estimate_and_zeros_change_nothing() {
+fn short_blocks_use_the_last_estimate_and_zeros_do_not_affect_it() {
     let samples = noise(0.1, 1e3, false, 40_000, 4);
     let mut suppressor = ImpulseSuppressor::new(Suppression::Auto, &info(false));
     let mut first = block(&samples[..100]);
     suppressor.process(&mut first);
     assert_eq!(first.channel(0), &samples[..100]);
-    // Three quarters of the next block are lost: what is left tells the law as well.
+    // Three quarters of the next block are lost: the distribution follows from the rest as well.
     let mut gaps = samples.clone();
     gaps[..30_000].fill(Complex32::ZERO);
     suppressor.process(&mut block(&gaps));
     let report = suppressor.report().unwrap();
-    assert!((report.impulse_share - 0.1).abs() < 0.02, "{report:?}");
+    assert!((report.impulse_probability - 0.1).abs() < 0.02, "{report:?}");
     let mut last = block(&samples[..100]);
     suppressor.process(&mut last);
     assert_ne!(last.channel(0), &samples[..100]);
@@ -152,13 +159,13 @@ fn short_blocks_take_the_last_estimate_and_zeros_change_nothing() {
 }
 
 #[test]
-fn choices_are_read_as_they_are_printed() {
+fn suppressions_are_parsed_as_they_are_printed() {
     for text in ["auto", "off", "optimal", "blank:2.5", "clip:1.5", "sign"] {
         assert_eq!(text.parse::<Suppression>().unwrap().to_string(), text);
     }
     assert_eq!("blank".parse(), Ok(Suppression::Blank(2.5)));
     for text in ["", "blank:", "blank:-1", "blank:nan", "clip:x", "auto:1", "off:", "median"] {
-        // An empty threshold is the usual one.
+        // An empty threshold means the default.
         assert_eq!(text.parse::<Suppression>().is_err(), text != "blank:", "{text}");
     }
 }

@@ -89,7 +89,7 @@ fn noise_alone_raises_as_many_alarms_as_asked_for() -> Tested {
         )?;
         let mut scene =
             Scene { elements, snapshots: 50, angles_deg: Vec::new(), ..Scene::default() };
-        scene.noise.share = share;
+        scene.noise.probability = share;
         let runs = 700;
         let alarm =
             |seed: u64| jane.decide(&scene.draw(seed).y, &[]).map(|d| !d.sources.is_empty());
@@ -165,7 +165,7 @@ fn satellites(
         let chips: Vec<f64> =
             (0..count).map(|_| if rng.uniform() < 0.5 { amplitude } else { -amplitude }).collect();
         for (m, y) in y.iter_mut().enumerate() {
-            let impulse = rng.uniform() < law.share;
+            let impulse = rng.uniform() < law.probability;
             let variance = if impulse { law.impulse } else { law.background };
             let signal: Complex64 = responses.iter().zip(&chips).map(|(a, c)| a[m] * c).sum();
             let z = rng.complex_normal() * variance.sqrt() + signal;
