@@ -13,7 +13,7 @@ const PAGES: i64 = 25;
 /// Subframes in a week.
 const SUBFRAMES_PER_WEEK: i64 = SECONDS_PER_WEEK / 6;
 
-/// What all satellites say of the whole constellation in subframes 4 and 5.
+/// The contents of subframes 4 and 5, the same from all satellites.
 #[derive(Clone, Debug)]
 pub struct ConstellationMessage {
     almanacs: Vec<Almanac>,
@@ -71,7 +71,7 @@ pub struct MessageStream {
 }
 
 impl MessageStream {
-    /// The stream of a satellite, or which of its values does not fit its field.
+    /// The stream of a satellite.
     pub fn new(
         ephemeris: Ephemeris,
         constellation: Arc<ConstellationMessage>,
@@ -129,9 +129,9 @@ mod tests {
         let eph = sample_ephemeris();
         let start = eph.toe;
         let page_18 = IonosphereUtc { delta_t_ls: 18.0, ..IonosphereUtc::default() };
-        let shared =
+        let common =
             Arc::new(ConstellationMessage::new([&eph].into_iter(), Some(page_18.clone()), start));
-        let mut stream = MessageStream::new(eph.clone(), shared).unwrap();
+        let mut stream = MessageStream::new(eph.clone(), common).unwrap();
         // 750 s from a multiple of 750 s after the week's start: all 25 pages in order.
         let first_ms = (i64::from(start.week()) * SECONDS_PER_WEEK + 518_250) * 1000;
         let mut clock = None;
