@@ -30,12 +30,12 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// A number, or a dash where there is none.
+/// A number, or a dash for none.
 fn number(value: Option<f64>, width: usize, digits: usize) -> String {
     value.map_or(format!("{:>width$}", "-"), |v| format!("{v:width$.digits$}"))
 }
 
-/// The rows with a header; what there is not is empty.
+/// The rows with a header; absent values are empty.
 pub fn csv(rows: &[Row]) -> String {
     let mut text = String::from(
         "property,setting,satellites,found,false,loss_db,expected_loss_db,theory_loss_db,code_rms_m,doppler_rms_hz,direction_rms,runs,fixes,position_rms_m\n",
