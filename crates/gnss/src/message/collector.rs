@@ -8,7 +8,7 @@ use super::{Content, sbas};
 use crate::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
-/// What a page brought.
+/// New data from a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Update {
     /// A new ephemeris of this satellite.
@@ -71,7 +71,7 @@ impl NavigationCollector {
         }
     }
 
-    /// Takes what a page of a satellite says, and tells what is new.
+    /// Takes a page of a satellite, and gives what is new.
     pub fn add(&mut self, sv: Sv, content: &Content) -> Option<Update> {
         match content {
             Content::Lnav(subframe) => self.add_subframe(sv, subframe),
@@ -111,7 +111,7 @@ impl NavigationCollector {
         self.complete(sv)
     }
 
-    /// What is known so far.
+    /// Navigation data so far.
     pub fn data(&self) -> &NavigationData {
         &self.data
     }
@@ -127,8 +127,8 @@ impl NavigationCollector {
         &self.health
     }
 
-    /// The newest message of each type that an SBAS satellite sent, by type: corrections as they were sent,
-    /// applied to nothing.
+    /// The newest message of each type that an SBAS satellite sent, by type: corrections as they were sent;
+    /// they are not applied.
     pub fn sbas(&self, sv: Sv) -> impl Iterator<Item = &sbas::Message> {
         self.sbas.get(&sv).into_iter().flat_map(BTreeMap::values)
     }
@@ -138,7 +138,7 @@ impl NavigationCollector {
         self.sbas.keys().copied()
     }
 
-    /// Weeks modulo 256 of the UTC parameters mean nothing before a subframe 1 has told the week.
+    /// Weeks modulo 256 of the UTC parameters are ambiguous before a subframe 1 has given the week.
     fn resolve_utc(&mut self) {
         if let (Some(page), Some(newest)) = (&self.page_18, self.newest) {
             self.data.utc = Some(page.utc(newest.week()));

@@ -86,7 +86,7 @@ fn versions_2_and_3_are_read_field_by_field() {
     assert_eq!((range(first), first.doppler_hz), (21_276_226.827, -1_011.373));
     assert_eq!((first.carrier_phase_cycles, first.lost_lock), (Some(-20_304_412.007), true));
     assert_eq!(first.cn0_dbhz, 45.77);
-    // No C1: P1 in its place; no S1: class 8 is 48 to 53 dB-Hz; no D1.
+    // No C1: P1 instead; no S1: class 8 is 48 to 53 dB-Hz; no D1.
     assert_eq!((range(p_code), p_code.cn0_dbhz), (23_725_222.529, 51.0));
     assert!(p_code.doppler_hz.is_nan() && !p_code.lost_lock);
     assert!(last.cn0_dbhz.is_nan() && last.range_sigma_m == typical(42.0));
@@ -120,7 +120,7 @@ fn pseudoranges_of_any_signals_are_read_by_name() {
     assert_eq!(ranges, [[None, Some(21_276_226.827)], [None, Some(38e6)]]);
 }
 
-/// Code deviation at a C/N0.
+/// Standard deviation of the code at a C/N0.
 fn typical(cn0_dbhz: f64) -> f64 {
     crate::observation::typical_noise(Some(cn0_dbhz)).0
 }
@@ -214,7 +214,7 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
     for (text, message) in cases {
         let error = read(&text).unwrap_err().to_string();
         assert!(error.starts_with("reading RINEX x.obs, line"), "{error}");
-        assert!(error.contains(message), "'{error}' should say '{message}'");
+        assert!(error.contains(message), "'{error}' should contain '{message}'");
     }
     let missing = open("no/such/file").err().unwrap().to_string();
     assert!(missing.starts_with("reading the RINEX file no/such/file: "), "{missing}");

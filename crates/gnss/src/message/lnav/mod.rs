@@ -3,8 +3,8 @@
 //!
 //! A subframe is ten words of 30 bits at 50 bit/s, so 6 s; five subframes are a frame. Bits are named as
 //! there: D1 is sent first. In a `u32`, D1 of a 30-bit word is bit 29 and d1 of 24 source bits is bit 23.
-//! Each message is a struct whose fields are walked in one place, with word, first bit, length, scale
-//! and sign, by encoder and decoder alike; values are in SI units and rad.
+//! Each message is a struct whose fields are described once, with word, first bit, length, scale and sign, for
+//! encoder and decoder; values are in SI units and rad.
 //!
 //! Weeks are sent modulo 1024 (or 256); [`resolve_week`] picks the full week nearest a reference.
 
@@ -33,7 +33,7 @@ pub const DATA_ID_REPEATED: u8 = 0;
 pub const SUBFRAME_SECONDS: f64 = 6.0;
 /// Number of subframes in a week: TOW counts run from 0 to one less.
 pub const TOW_COUNTS: u32 = 100_800;
-/// Reference week where nothing better is known: weeks modulo 1024 then mean 2048 to 3071 (2019-04-07
+/// Reference week without other information: weeks modulo 1024 then mean 2048 to 3071 (2019-04-07
 /// to 2038-11-20).
 pub const DEFAULT_REFERENCE_WEEK: i32 = 2560;
 
@@ -49,9 +49,9 @@ pub enum LnavError {
         name: &'static str,
         /// The value, in the field's unit (semicircles for angles).
         value: f64,
-        /// Least value.
+        /// Minimum value.
         min: f64,
-        /// Greatest value.
+        /// Maximum value.
         max: f64,
     },
 }
@@ -65,7 +65,7 @@ pub struct Header {
     pub integrity: bool,
     /// TOW count of the start of the NEXT subframe: units of 6 s, 0 to 100 799.
     pub tow_count: u32,
-    /// Alert flag: the satellite may be worse than its URA says.
+    /// Alert flag: the satellite may be worse than its URA.
     pub alert: bool,
     /// Whether anti-spoofing is on.
     pub anti_spoof: bool,
@@ -105,7 +105,7 @@ impl Header {
     }
 }
 
-/// What words 3 to 10 of a subframe say.
+/// Contents of words 3 to 10 of a subframe.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Message {
     /// Subframe 1: clock.

@@ -1,9 +1,9 @@
-//! What the messages of SBAS L1 say: RTCA DO-229 Appendix A, with the same contents ICAO Annex 10 volume
+//! Contents of the messages of SBAS L1: RTCA DO-229 Appendix A, with the same contents ICAO Annex 10 volume
 //! I, appendix B.
 //!
-//! Corrections refer to satellites by their slot in the PRN mask and to grid points by their place in the
-//! grid masks; the issues of data (IODP, IODI) tell which mask is meant, IODF and IODE which fast
-//! correction and which ephemeris. All of them stay as sent: joining them is the work of a receiver.
+//! Corrections refer to satellites by their slot in the PRN mask and to grid points by their index in the
+//! grid masks; the issues of data (IODP, IODI) identify the mask, IODF and IODE fast correction and ephemeris.
+//! All of them stay as sent: a receiver has to combine them.
 
 use super::fields::{Fields, Walk};
 use super::{CHECKED_BITS, MessageBits, OutOfRange, PREAMBLES, preamble_of, seal};
@@ -16,7 +16,7 @@ pub struct Message {
     pub kind: u8,
     /// Which of the three preambles it began with, 0 to 2.
     pub preamble: u8,
-    /// What it says.
+    /// Contents.
     pub content: Body,
 }
 
@@ -52,7 +52,7 @@ pub enum Body {
     GridDelays(GridDelays),
     /// Type 62: internal test, data as sent.
     InternalTest(RawData),
-    /// Type 63: nothing to say, data as sent.
+    /// Type 63: null message, data as sent.
     Null(RawData),
     /// Any other type, data as sent.
     Other(RawData),
@@ -62,7 +62,7 @@ pub enum Body {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RawData(pub [u8; 27]);
 
-/// Type 1: which satellites the corrections mean.
+/// Type 1: the satellites of the corrections.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PrnMask {
     /// Slots that are set, ascending: 1 to 37 GPS PRN, 38 to 61 GLONASS slot + 37, 120 to 138 SBAS PRN,
@@ -225,7 +225,7 @@ pub struct GeoAlmanacs {
     pub t0_s: f64,
 }
 
-/// Type 18: which grid points of one band have delays.
+/// Type 18: the grid points of one band with delays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GridMask {
     /// Number of bands that this satellite sends.
@@ -250,7 +250,7 @@ pub struct LongTermHalf {
 /// Long-term correction of one satellite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LongTermCorrection {
-    /// Satellite, 1 to 51, by its place in the mask; 0: no correction.
+    /// Satellite, 1 to 51, by its index in the mask; 0: no correction.
     pub satellite: u8,
     /// Issue of the ephemeris that is corrected (IODE of GPS).
     pub iode: u8,
@@ -367,7 +367,7 @@ impl Message {
         Ok(bits)
     }
 
-    /// GPS time of week of its first bit, s, if it tells it (type 12).
+    /// GPS time of week of its first bit, s, if it contains it (type 12).
     pub fn tow_s(&self) -> Option<f64> {
         match &self.content {
             Body::NetworkTime(time) if time.gps_tow_s < 604_800 => Some(f64::from(time.gps_tow_s)),

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Messages that EGNOS sent, as printed in the documentation of three public projects, here in an order in
 /// which the preambles take turns. Types 18 and 26: goGPS (`ems2igpmask.m`, `ems2idc.m`). Type 4: a
-/// frame that a Septentrio mosaic-X5 received of PRN 136 and found right (test data of pysbf2 1.0.7). The
+/// frame that a Septentrio mosaic-X5 received of PRN 136 and accepted (test data of pysbf2 1.0.7). The
 /// others: README of jonatanmv/sisnet, SISNeT.
 const RECEIVED: [(u8, &str); 15] = [
     (18, "534964000000FFFFFFC00000001FFFC00001FFFC00003FFFE001FC003C15ABC0"),
@@ -61,11 +61,11 @@ fn geostationary_satellites_are_where_they_were() {
     assert!((radius - 42.164e6).abs() < 20e3, "{radius}");
     assert!((longitude - 31.5).abs() < 0.1, "{longitude}");
     assert_eq!((navigation.t0_s, navigation.ura, navigation.position_m[2]), (68_752.0, 15, 0.0));
-    assert_eq!(navigation.velocity_m_s, [0.0; 3], "it is said to stand still");
+    assert_eq!(navigation.velocity_m_s, [0.0; 3], "a velocity of zero is sent");
 
     let Body::GeoAlmanacs(almanacs) = received(17) else { panic!() };
     assert_eq!(almanacs.satellites.map(|s| s.prn), [123, 136, 0]);
-    // Provider 1 is EGNOS; ranging is off, as the user range accuracy 15 says.
+    // Provider 1 is EGNOS; ranging is off, by the user range accuracy 15.
     assert_eq!(almanacs.satellites.map(|s| s.health), [17, 17, 0]);
     assert_eq!(almanacs.t0_s, 68_736.0, "64 s unit, within the minute of the other message");
     let [astra, ses, _] = almanacs.satellites.map(|s| s.position_m);
@@ -200,14 +200,14 @@ fn messages_pass_noise() {
 #[test]
 fn slips_cost_the_message_they_fall_into_and_the_pairing_follows() {
     let mut slipped = symbols();
-    // A half-cycle slip in message 4, a lost symbol in 9 and one too many in 20 that nobody counts.
+    // A half-cycle slip in message 4, a lost symbol in 9 and one too many in 20, without a jump of the index.
     slipped[4 * 500 + 210..].iter_mut().for_each(|s| *s = -*s);
     slipped.insert(20 * 500 + 77, 1.0);
     slipped.remove(9 * 500 + 123);
     let kept = (0..30).filter(|n| ![4, 9, 20].contains(n));
     assert_pages(&decode(&slipped, 0), kept, |n| if (10..20).contains(&n) { -1 } else { 0 });
 
-    // A jump of the index starts afresh.
+    // A jump of the index starts the search again.
     let mut decoder = SbasDecoder::new();
     let indices = (0..3_100).chain(3_103..);
     let pages: Vec<Page> =
@@ -228,7 +228,7 @@ fn noise_and_messages_without_a_second_in_step_give_nothing() {
         let stream = [noise(333), message(5), second, noise(777)].concat();
         assert_eq!(decode(&stream, 0), []);
     }
-    // With three lost between them they are in step.
+    // With three lost between them they are synchronous.
     let stream = [noise(333), message(5), noise(3 * 500), message(9), noise(777)].concat();
     assert_eq!(decode(&stream, 0).iter().map(|p| p.start_index).collect::<Vec<_>>(), [333, 2_333]);
 }
