@@ -1,5 +1,5 @@
-//! Time of one solve without prior knowledge, by each solver, beside the plain way: the same AW-DGN-BT with
-//! nalgebra's dynamic matrices and QR. RTKLIB's solver cannot be timed alone (its Debian package has only
+//! Time of one solve without prior knowledge, by each solver, compared with AW-DGN-BT by nalgebra's
+//! dynamic matrices and QR. RTKLIB's solver cannot be timed alone (its Debian package has only
 //! programs that read files), so it is not here.
 //!
 //! Counted work of an AW-DGN-BT solve with m satellites: 7 linearisations and about 8 evaluations of the
@@ -13,7 +13,7 @@ use sdr_rx::position::solver::model::{Doppler, ObservationModel, Pseudorange, Sa
 use sdr_rx::position::solver::observations::{Observed, Sigma};
 use std::hint::black_box;
 
-/// Radius of the altitude wall, m.
+/// Bound on the radius, m.
 const WALL: f64 = 6.421e6;
 
 /// Walker 24/3/1 at 56 deg and 29 600 km (Galileo-like), Earth-fixed, `t` s after it was aligned.
@@ -55,7 +55,7 @@ fn epochs<M: ObservationModel>() -> Vec<(Vec<Satellite>, Vec<f64>)> {
         .collect()
 }
 
-/// AW-DGN-BT as one writes it down, with dynamic matrices.
+/// AW-DGN-BT without optimisation, with dynamic matrices.
 fn plain<M: ObservationModel>(satellites: &[Satellite], observed: &[f64]) -> Option<Vector4<f64>> {
     let n = satellites.len();
     let residuals = |x: &Vector4<f64>| {

@@ -1,4 +1,4 @@
-//! A place from ten seconds of Doppler of low satellites whose orbits are two-line element sets.
+//! A position from ten seconds of Doppler of low satellites whose orbits are two-line element sets.
 //!
 //! `cargo run --release --example doppler_from_tle [-- ELEMENTS.tle]`; without a file: a shell made here.
 
@@ -40,7 +40,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let error_m = (found.state.position_m - here).norm();
     let sigma_m = found.covariance.trace().sqrt();
     println!("{} Dopplers, {} iterations from the Earth's centre", rates.len(), found.iterations);
-    println!("{error_m:.1} m off, deviation {sigma_m:.1} m; drift {:.2} m/s", found.state.clock());
+    println!(
+        "{error_m:.1} m off, standard deviation {sigma_m:.1} m; drift {:.2} m/s",
+        found.state.clock()
+    );
     assert!(error_m < 4.0 * sigma_m);
     Ok(())
 }

@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth = ScenarioSource::new(&scenario)?.truth_at(0);
     let error_m = |p: &Vector3<f64>| (p - Vector3::from(truth.position_ecef_m)).norm();
 
-    // The bare algorithm: where the satellites were, and how far away.
+    // The bare algorithm: positions of satellites, and ranges.
     let (satellites, ranges): (Vec<Satellite>, Vec<f64>) = truth
         .satellites
         .iter()
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
     println!("      {speed:.3} m/s, clock {:+.3} us", fix.clock_bias_s * 1e6);
     if error_m(&bare.state.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
-        return Err("noise-free observations must give the place".into());
+        return Err("noise-free observations must give the position".into());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Signals beside GPS L1 C/A through the ordinary stages: search, tracking, message.
+//! Signals other than GPS L1 C/A through the ordinary stages: search, tracking, message.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -121,7 +121,8 @@ fn messages_of_sbas_come_through_search_tracking_and_decoder() -> Result<(), Fai
         .collect();
     let (channel, pages) = receive(&samples, transmission)?;
     assert_eq!(channel.lock(), LockState::Locked);
-    // 4500 pairs of periods: relative deviation of S/N sqrt((1 + 2 S/N) / N) / (S/N) = 0.5 %, five of them and 1 % of
+    // 4500 pairs of periods: relative standard deviation of S/N sqrt((1 + 2 S/N) / N) / (S/N) = 0.5 %, five of
+    // them and 1 % of
     // sampling loss (chips of 2 samples).
     assert!((channel.cn0_dbhz().ok_or("no C/N0")? - CN0_DBHZ).abs() < 0.5);
     assert!((channel.doppler_hz() - DOPPLER_HZ).abs() < 5.0 * channel.doppler_sigma_hz());
@@ -192,7 +193,7 @@ fn an_ephemeris_of_qzss_comes_through_an_ordinary_scenario() -> Result<(), Failu
     Ok(())
 }
 
-/// What a capture holds by an independent search (`captures/real_other_signals.json`).
+/// Satellites in a capture by an independent search (`captures/real_other_signals.json`).
 #[derive(serde::Deserialize)]
 struct Known {
     offset_ms: f64,
@@ -200,7 +201,8 @@ struct Known {
     cn0_component_dbhz: f64,
 }
 
-/// Every SBAS and QZSS satellite that an independent search finds in a real capture is found where it says.
+/// Every SBAS and QZSS satellite that an independent search finds in a real capture is found at the same code
+/// phase and Doppler.
 #[test]
 fn satellites_of_sbas_and_qzss_in_real_captures_are_found_and_refined() -> Result<(), Failure> {
     let Some(folder) = std::env::var_os("SDR_RX_DATA") else {

@@ -1,4 +1,4 @@
-//! Wrong observations: an error that names the cause, or both places; never a silent fix, never a panic.
+//! Wrong observations: an error that names the cause, or both positions; never a silent fix, never a panic.
 
 use crate::common::Tested;
 use crate::sky::{Skies, Walker};
@@ -27,7 +27,7 @@ fn ensure(holds: bool, what: impl Fn() -> String) -> Tested {
     if holds { Ok(()) } else { Err(what().into()) }
 }
 
-/// Six satellites of the paper's constellation over a random place.
+/// Six satellites of the paper's constellation over a random receiver.
 fn sky() -> (Vec<Satellite>, Vector3<f64>, Vec<f64>, Vec<f64>) {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let skies = Skies::new(&Walker::GALILEO_LIKE, 1, &mut rng);
@@ -59,10 +59,10 @@ fn impossible_observations_are_refused_by_every_solver() -> Tested {
             })?;
             let mut lost = satellites.clone();
             lost[4].position_m.y = wrong;
-            let place = solve(&lost, &ranges, metre);
+            let found = solve(&lost, &ranges, metre);
             ensure(
-                place == Err(Failure::NotFinite { row: 4, what: "satellite position" }),
-                || format!("{solver}: {place:?}"),
+                found == Err(Failure::NotFinite { row: 4, what: "satellite position" }),
+                || format!("{solver}: {found:?}"),
             )?;
         }
         for sigma in [0.0, -1.0, f64::NAN] {
@@ -71,7 +71,7 @@ fn impossible_observations_are_refused_by_every_solver() -> Tested {
                 format!("{solver}: {refused:?}")
             })?;
         }
-        // All at one point: nothing can come of it, and no solver may say otherwise.
+        // All at one point: every solver must fail.
         let heap = [satellites[0]; 6];
         let heaped = solve(&heap, &[ranges[0]; 6], metre);
         ensure(heaped.is_err(), || format!("{solver}: {heaped:?}"))?;
@@ -108,10 +108,10 @@ fn impossible_observations_are_refused_by_every_solver() -> Tested {
     ensure(centre == Err(Failure::Coincident { row: 1 }), || format!("{centre:?}"))
 }
 
-/// Satellites of one orbital plane: a place beside it has a mirror image on the Earth, and a place within
-/// it no direction across. Noise of 1 m, the test's places 2000 km apart.
+/// Satellites of one orbital plane: a position beside it has a mirror image on the Earth, and at a position
+/// within it the direction across is not observed. Noise of 1 m, the test's positions 2000 km apart.
 #[test]
-fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
+fn satellites_in_one_plane_give_both_positions_or_none() -> Tested {
     let along = |angle: f64| Satellite {
         position_m: 26.6e6 * Vector3::new(angle.cos(), angle.sin(), 0.0),
         velocity_mps: 3.9e3 * Vector3::new(-angle.sin(), angle.cos(), 0.0),
@@ -121,8 +121,8 @@ fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
     let mirrored = beside.component_mul(&Vector3::new(1.0, 1.0, -1.0));
     let both = |solver: Solver, fix: Result<_, Failure>| -> Tested {
         let fix: sdr_rx::position::solver::outcome::Solution = fix?;
-        let near = |place: &Vector3<f64>| {
-            let at = |s: &State| (s.position_m - place).norm() < 1e3;
+        let near = |position_m: &Vector3<f64>| {
+            let at = |s: &State| (s.position_m - position_m).norm() < 1e3;
             at(&fix.state) || fix.alternatives.iter().any(at)
         };
         ensure(fix.ambiguity == Ambiguity::Several && near(&beside) && near(&mirrored), || {
@@ -136,7 +136,7 @@ fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
     let dopplers = Observed::<Doppler>::new(&satellites, &rates);
     for solver in [Solver::Best, Solver::Vp] {
         both(solver, solver.solve(&pseudoranges.with_sigma(Sigma::Same(1.0)), |_| ()))?;
-        // Within the plane the gradients have no part across it, and starts beside it may jam.
+        // Within the plane the gradients have no part across it, and starts beside it may stall.
         match solver.solve(&dopplers.with_sigma(Sigma::Same(1e-3)), |_| ()) {
             Err(Failure::Coplanar) => {}
             other => both(solver, other)?,
@@ -146,13 +146,13 @@ fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
     ensure(from_centre == Err(Failure::Coplanar), || format!("{from_centre:?}"))
 }
 
-/// With redundant observations a fault shows in the residuals, and the best place is given with it.
+/// With redundant observations a fault shows in the residuals, and the best position is given with it.
 #[test]
-fn one_faulty_satellite_is_said() -> Tested {
+fn one_faulty_satellite_is_reported() -> Tested {
     let (satellites, _, mut ranges, mut rates) = sky();
     ranges[1] += 5e3;
     rates[2] += 50.0;
-    let said = |fix: Result<_, Failure>| {
+    let reported = |fix: Result<_, Failure>| {
         ensure(
             matches!(fix, Err(Failure::Inconsistent { cost, limit, .. }) if cost > limit),
             || format!("{fix:?}"),
@@ -161,18 +161,18 @@ fn one_faulty_satellite_is_said() -> Tested {
     let pseudoranges = Observed::<Pseudorange>::new(&satellites, &ranges);
     let dopplers = Observed::<Doppler>::new(&satellites, &rates);
     for solver in [Solver::Best, Solver::Vp] {
-        said(solver.solve(&pseudoranges.with_sigma(Sigma::Same(1.0)), |_| ()))?;
-        said(solver.solve(&dopplers.with_sigma(Sigma::Same(0.1)), |_| ()))?;
+        reported(solver.solve(&pseudoranges.with_sigma(Sigma::Same(1.0)), |_| ()))?;
+        reported(solver.solve(&dopplers.with_sigma(Sigma::Same(0.1)), |_| ()))?;
         let unknown = solver.solve(&pseudoranges, |_| ())?;
         ensure(unknown.ambiguity == Ambiguity::Unverified, || format!("{unknown:?}"))?;
     }
     Ok(())
 }
 
-/// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the place
-/// moves by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
+/// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the position
+/// changes by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
 #[test]
-fn a_clock_of_a_second_does_not_move_the_place() -> Tested {
+fn a_clock_bias_of_a_second_does_not_change_the_position() -> Tested {
     let (satellites, _, ranges, rates) = sky();
     let moved = |y: &[f64], by: f64| y.iter().map(|y| y + by).collect::<Vec<f64>>();
     for name in ["aw-dgn-bt", "vp", "vp-once", "best"] {
@@ -186,7 +186,7 @@ fn a_clock_of_a_second_does_not_move_the_place() -> Tested {
             - rate_at(&moved(&rates, 1e5))?.state.position_m)
             .norm();
         println!("{name}: {shift:.1e} m for a second, {slow:.1e} m for 330 ppm");
-        // The bound of the acceptance, and 1.5e-11 m/s over a gradient of 1e-4 /s.
+        // The required bound, and 1.5e-11 m/s over a gradient of 1e-4 /s.
         ensure(shift < 1e-6 && slow < 1e-5, || format!("{name}: {shift:.1e} {slow:.1e}"))?;
     }
     Ok(())
@@ -219,7 +219,7 @@ fn derivatives_are_those_of_the_predictions() -> Tested {
 
 /// Four pseudoranges of a receiver in a high orbit: both roots explain them, and one is the truth.
 #[test]
-fn both_roots_are_places_with_the_same_pseudoranges() -> Tested {
+fn both_roots_are_positions_with_the_same_pseudoranges() -> Tested {
     let (satellites, _, _, _) = sky();
     let truth = 1.3 * satellites[0].position_m + Vector3::new(3e6, -2e6, 1e6);
     let four = &satellites[..4];
@@ -241,9 +241,9 @@ fn both_roots_are_places_with_the_same_pseudoranges() -> Tested {
     })
 }
 
-/// Of the paper's setting at 160 km: the first step is blocked by the wall, the last are full.
+/// Of the paper's setting at 160 km: the first step is damped by the bound on the radius, the last are full.
 #[test]
-fn a_trace_says_why_steps_were_damped() -> Tested {
+fn a_trace_shows_why_steps_were_damped() -> Tested {
     let (satellites, truth, ..) = sky();
     let radius = EARTH_RADIUS + 160e3;
     let low: Vec<Satellite> =

@@ -1,4 +1,4 @@
-//! Against a simulator that others wrote: same place, time and ephemeris.
+//! Against an independent simulator: same position, time and ephemeris.
 
 use super::correlator::{code_sigma, doppler_sigma, measure, periods};
 use super::theory::samples;
@@ -12,7 +12,7 @@ const RATE: f64 = 2.6e6;
 const SATELLITES: &str =
     r#"["G10", "G12", "G13", "G15", "G18", "G19", "G23", "G24", "G25", "G32"]"#;
 
-/// The independent simulator's place: static, Klobuchar's ionosphere, no troposphere, perfect clock.
+/// The independent simulator's settings: static, Klobuchar's ionosphere, no troposphere, perfect clock.
 fn tokyo(data: &Path, tow: f64, seconds: f64) -> Result<Scenario, Failed> {
     let text = format!(
         r#"
@@ -51,7 +51,7 @@ fn code_phase_and_doppler_agree_with_the_independent_simulator() -> Tested {
             "{sv}   {:+.4}  {:+.4}  {code:+.4}   {:+.4}  {:+.4}  {doppler:+.4}   {:.1}  {:.1}",
             a.code_chips, b.code_chips, a.doppler_hz, b.doppler_hz, a.cn0_dbhz, b.cn0_dbhz
         );
-        // The required agreement; thermal noise alone is below a third of it at three deviations.
+        // The required agreement; thermal noise alone is below a third of it at three standard deviations.
         let seconds = a.signs.len() as f64 * 1e-3;
         assert!(3.0 * code_sigma(45.0, seconds) * 2f64.sqrt() < 0.02);
         assert!(3.0 * doppler_sigma(45.0, seconds) < 0.5);
