@@ -1,7 +1,7 @@
-//! Speed of the cold search: the parallel code-phase search against the plain way, on one thread.
+//! Speed of the cold search: the parallel code-phase search against a straightforward search, on one thread.
 //!
 //! Elements are cells (satellite x Doppler x code phase), so that the rates compare. Counted work of one
-//! window of T ms, with D Dopplers and S satellites: here 2T forward and D S inverse transforms; plain
+//! window of T ms, with D Dopplers and S satellites: here 2T forward and D S inverse transforms; straightforward
 //! T D forward and T D S inverse ones.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -18,7 +18,7 @@ const MS: usize = 10;
 const DOPPLER_HZ: f64 = 5000.0;
 const STEP_HZ: f64 = 50.0;
 
-/// Twenty milliseconds of the sky over Munich at 4 MHz.
+/// Twenty milliseconds of the satellites over Munich at 4 MHz.
 fn samples() -> Block {
     let path = format!("{}/signals/static_8sv.toml", env!("CARGO_MANIFEST_DIR"));
     let mut scenario = Scenario::read(path.as_ref()).expect("a scenario of the repository");
@@ -29,7 +29,7 @@ fn samples() -> Block {
     block
 }
 
-/// The plain way for one satellite: for each Doppler and each millisecond the carrier is removed, and the
+/// The straightforward search of one satellite: for each Doppler and each millisecond the carrier is removed, and the
 /// correlation done by one transform, one product and one transform back; periods are summed coherently.
 fn plain_search(samples: &[Complex32], code: &[i8]) -> (f32, f64, usize) {
     let (forward, inverse) = (forward_transform(PERIOD), inverse_transform(PERIOD));
@@ -77,7 +77,7 @@ fn cold_search(c: &mut Criterion) {
         let options = SearchOptions { max_windows, ..SearchOptions::default() };
         let plan = SearchPlan::new(RATE_HZ, options).expect("a search that is possible");
         let found = one_thread.install(|| plan.search(samples)).expect("20 ms are enough");
-        // The plain way must agree on the strongest satellite before the two are compared.
+        // Both must agree on the strongest satellite before they are compared.
         let (_, doppler_hz, at) = plain_search(samples, &found[0].transmission.code());
         let chips = (1023.0 - at as f64 * 1023.0 / PERIOD as f64) - found[0].code_phase_chips;
         assert!((doppler_hz - found[0].doppler_hz).abs() <= STEP_HZ && chips.abs() < 1.0);

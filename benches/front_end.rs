@@ -69,9 +69,9 @@ fn conditioning(c: &mut Criterion) {
     group.finish();
 }
 
-/// Impulses suppressed: 8 bytes read for the histogram; 8 read, 8 written and a weight looked up for the map.
-/// Beside it the plain way, which computes the weight of each sample from the law (two exponentials), and what
-/// Gaussian and coarse samples cost.
+/// Suppression of impulses: 8 bytes read for the histogram; 8 read, 8 written and a weight looked up for the map.
+/// Compared with the weight of each sample computed from the mixture (two exponentials), and with Gaussian and
+/// coarse samples.
 fn suppression(c: &mut Criterion) {
     let mut group = c.benchmark_group("impulses");
     group.throughput(Throughput::Elements(LEN as u64));
@@ -87,7 +87,8 @@ fn suppression(c: &mut Criterion) {
     };
     let noise = |share: f64, bits: Option<u32>| {
         let (mut re, mut im) = (vec![0.0; LEN], vec![0.0; LEN]);
-        NoiseSource::new(GaussianMixture { share, ratio: 1e3 }, 1, 0).add(0, &mut re, &mut im);
+        NoiseSource::new(GaussianMixture { probability: share, ratio: 1e3 }, 1, 0)
+            .add(0, &mut re, &mut im);
         if let Some(bits) = bits {
             Quantiser::new(bits, None).apply(&mut re);
             Quantiser::new(bits, None).apply(&mut im);

@@ -1,5 +1,5 @@
-//! Time of one solve without prior knowledge, by each solver, beside the plain way: the same AW-DGN-BT with
-//! nalgebra's dynamic matrices and QR. RTKLIB's solver cannot be timed alone (its Debian package has only
+//! Time of one solve without prior knowledge, by each solver, compared with AW-DGN-BT by nalgebra's
+//! dynamic matrices and QR. RTKLIB's solver cannot be timed alone (its Debian package has only
 //! programs that read files), so it is not here.
 //!
 //! Counted work of an AW-DGN-BT solve with m satellites: 7 linearisations and about 8 evaluations of the
@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector4};
 use sdr_rx::position::{Row, RowKind, Satellite, Solver};
 use std::hint::black_box;
 
-/// Radius of the altitude wall, m.
+/// Bound on the radius, m.
 const WALL: f64 = 6.421e6;
 
 /// Walker 24/3/1 at 56 deg and 29 600 km (Galileo-like), Earth-fixed, `t` s after it was aligned.

@@ -25,8 +25,8 @@ fn kernels(c: &mut Criterion) {
     group.bench_function("mix_add", |b| {
         b.iter(|| mix_add(&chips, one, black_box(1e-3), &mut re, &mut im));
     });
-    for (name, share) in [("white noise", 0.0), ("Gaussian mixture", 0.1)] {
-        let mut noise = NoiseSource::new(GaussianMixture { share, ratio: 50.0 }, 1, 0);
+    for (name, probability) in [("white noise", 0.0), ("Gaussian mixture", 0.1)] {
+        let mut noise = NoiseSource::new(GaussianMixture { probability, ratio: 50.0 }, 1, 0);
         let mut first = 0;
         group.bench_function(name, |b| {
             b.iter(|| {

@@ -1,4 +1,4 @@
-//! Speed of tracking: the correlation kernel against its scalar twin, and a whole channel.
+//! Speed of tracking: the correlation kernel against its scalar version, and a whole channel.
 //!
 //! Elements are samples of one channel: elements per second over 10^6 are channel x Msamples per second
 //! of one core. Counted work of a sample, all three taps: see `sdr_rx::correlator`.
@@ -12,7 +12,7 @@ use sdr_rx::scenario::{Scenario, ScenarioSource};
 use sdr_rx::tracking::{Channel, LockState, TrackStart, TrackingOptions};
 use std::hint::black_box;
 
-/// One second of the sky over Munich, and where one of its satellites is at the first sample.
+/// One second of the satellites over Munich, and one of them at the first sample.
 fn one_second(rate_hz: f64) -> (SampleBuffer, Acquisition) {
     let path = format!("{}/signals/static_8sv.toml", env!("CARGO_MANIFEST_DIR"));
     let mut scenario = Scenario::read(path.as_ref()).expect("a scenario of the repository");

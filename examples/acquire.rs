@@ -1,4 +1,4 @@
-//! Which satellites are there: 20 ms of a scenario, searched for all GPS codes.
+//! Acquisition: 20 ms of a scenario, searched for all GPS codes.
 //!
 //! `cargo run --release --example acquire`
 

@@ -11,7 +11,7 @@ use sdr_rx::network::{Datum, Graph, Normals, constraints, info, plan, sim};
 const SATELLITES: usize = 8;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Truth, and what each station sees of it: five satellites, through a bias of its own and noise.
+    // Truth, and each station's observations: five satellites, with a bias of its own and noise.
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let biases_m: Vec<f64> = (0..SATELLITES).map(|_| random.sample(StandardNormal)).collect();
     let sigma_m = ZENITH_SIGMA_M * Carriers::GPS.variance_factor().sqrt();

@@ -1,4 +1,4 @@
-//! A place from ten seconds of Doppler of low satellites whose orbits are two-line element sets.
+//! A position from ten seconds of Doppler of low satellites whose orbits are two-line element sets.
 //!
 //! `cargo run --release --example doppler_from_tle [-- ELEMENTS.tle]`; without a file: a shell made here.
 

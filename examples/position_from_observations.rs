@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("full: {} iterations, off by {:.1e} m", fix.iterations, error_m(&fix.position_m));
     println!("      {speed:.3} m/s, clock {:+.3} us", clock_bias_s * 1e6);
     if error_m(&bare.state.position_m) > 1e-3 || error_m(&fix.position_m) > 0.1 {
-        return Err("noise-free observations must give the place".into());
+        return Err("noise-free observations must give the position".into());
     }
     Ok(())
 }

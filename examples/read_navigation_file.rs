@@ -1,4 +1,4 @@
-//! What a navigation file holds: satellites, their ephemerides, and where one of them is.
+//! Contents of a navigation file: satellites, their ephemerides, and the position of one of them.
 //!
 //! `cargo run --release --example read_navigation_file [FILE.rnx]`; without a file it reads one that it
 //! writes from the orbits of a scenario.

@@ -1,5 +1,5 @@
-//! A front end of one's own on each of four antenna elements: a comparator on each rail, one bit, whose
-//! threshold is off by more from element to element. Without offset it loses 10 log10(pi / 2) = 1.96 dB.
+//! A custom front end on each of four antenna elements: comparators of I and Q, one bit, with thresholds whose
+//! offset grows from element to element. Without offset it loses 10 log10(pi / 2) = 1.96 dB.
 
 use num_complex::Complex32;
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
@@ -19,7 +19,7 @@ impl FrontEnd for Comparator {
 
 fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let mut scenario = Scenario::parse(include_str!("../signals/ula4.toml"), "ula4.toml")?;
-    scenario.noise.impulse_share = 0.0;
+    scenario.noise.impulse_probability = 0.0;
     scenario.front_end.bits = None;
     let ideal = ScenarioSource::new(&scenario)?;
     let own = ScenarioSource::with_front_end(&scenario, Box::new(Comparator))?;

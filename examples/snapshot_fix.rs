@@ -10,7 +10,7 @@ use sdr_rx::position::{PositioningOptions, solve_snapshot};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::error::Error;
 
-/// By how much the receiver is told a wrong time, s.
+/// Error of the time given to the receiver, s.
 const WRONG_BY_S: f64 = 47.0;
 
 fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
@@ -40,7 +40,10 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let error_m = (fix.position_m - nalgebra::Vector3::from(truth.position_ecef_m)).norm();
     println!("{} satellites, {} linearisations", fix.residuals.len(), fix.iterations);
     println!("position off by {error_m:.1} m, PDOP {:.1}", fix.pdop);
-    println!("time off by {:+.4} s, told wrong by {WRONG_BY_S} s", fix.time.tow() - truth.tow_s);
+    println!(
+        "time off by {:+.4} s, given with an error of {WRONG_BY_S} s",
+        fix.time.tow() - truth.tow_s
+    );
     if error_m > 100.0 {
         return Err("worse than 100 m".into());
     }

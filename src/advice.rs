@@ -1,5 +1,5 @@
-//! A newcomer's mistakes: when next to nothing is acquired, the capture is read in other ways, and where
-//! one of them shows a sky full of satellites, it is named.
+//! Mistakes in options: when almost nothing is acquired, the capture is read with other options, and those that
+//! show several satellites are reported.
 
 use crate::acquisition::search::searched_signal;
 use crate::acquisition::{SearchOptions, SearchPlan, remove_cross_correlations};
@@ -9,19 +9,19 @@ use crate::front_end::{Conditioner, ImpulseSuppressor, LevelMeter, Suppression};
 /// Fewer satellites than this call for advice.
 pub const FEW: usize = 4;
 
-/// Satellites below this C/N0 do not count, dB-Hz: they may be shadows of stronger ones that lie outside
+/// Satellites below this C/N0 do not count, dB-Hz: they may be cross-correlations of stronger ones outside
 /// the search.
 pub const SOUND_DBHZ: f64 = 30.0;
 
-/// Signal that each way of reading is judged by, s: five windows of 4 ms and a margin.
+/// Signal that is searched with each reading, s: five windows of 4 ms and a margin.
 pub const LOOK_S: f64 = 0.025;
 const WINDOW_MS: usize = 4;
 const WINDOWS: usize = 5;
 
-/// Rate that leaves most of the signal's power, and a quick search, Hz.
+/// Minimum rate after decimation, for a quick search without much loss, Hz.
 const ENOUGH_HZ: f64 = 2.4e6;
 
-/// Sample types that are mistaken for each other.
+/// Sample types that are easily confused.
 const TYPES: [&str; 9] = ["cs8", "cu8", "cs16", "cf32", "rs8", "rs16", "b1", "b2", "rb2"];
 
 /// Sampling rates in use, Hz.
@@ -33,7 +33,7 @@ const RATES: [f64; 25] = [
 /// Widest Doppler of a poor oscillator (13 ppm and the satellites' own), Hz.
 const WIDE_HZ: f64 = 26e3;
 
-/// A way of reading a capture: what differs from the one that was asked for.
+/// A reading of a capture: options that differ from the requested ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reading {
     /// Sample type.
@@ -54,7 +54,7 @@ impl Reading {
         options.if_hz = self.if_hz.or(options.if_hz);
     }
 
-    /// All readings that are worth a try, beside the one asked for; the likelier first.
+    /// All alternative readings, the most likely first.
     fn others(info: &StreamInfo) -> Vec<Self> {
         let mut list = Vec::new();
         for format in TYPES.into_iter().filter(|t| *t != info.format) {
@@ -82,26 +82,26 @@ impl Reading {
     }
 }
 
-/// What is probably wrong, or what to try.
+/// A probable mistake, or what to try.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Advice {
-    /// Read in another way, the capture shows satellites.
+    /// With another reading the capture shows satellites.
     Read {
-        /// The other way.
+        /// The other reading.
         reading: Reading,
-        /// How many satellites it shows.
+        /// Number of satellites with it.
         satellites: usize,
     },
-    /// No usual way of reading shows satellites.
+    /// No usual reading shows satellites.
     NothingFound,
-    /// What the level statistics say against the sample type.
+    /// Level statistics that do not fit the sample type.
     Level(String),
 }
 
-/// Opens the capture in another way; None where that is impossible.
+/// Opens the capture with another reading; `None` where that is impossible.
 pub type Open<'a> = dyn Fn(&Reading) -> Option<Box<dyn SampleSource>> + 'a;
 
-/// What is probably wrong, and what to try. `found` satellites were found as the capture was read.
+/// Probable mistakes and what to try. `found` satellites were found with the requested options.
 pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<Advice> {
     let mut advice = Vec::new();
     let Some(source) = open(&Reading::default()) else { return advice };
@@ -120,12 +120,12 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<Advice> 
             if let Some(most) = reading.doppler_hz {
                 search.doppler_hz = (-most, most);
             }
-            let sky = satellites(open(&reading)?, &search)?;
-            Some((reading, sky))
+            let seen = satellites(open(&reading)?, &search)?;
+            Some((reading, seen))
         })
         .reduce(|best, next| if next.1.shows_more_than(&best.1) { next } else { best });
     match best {
-        Some((reading, Sky { count, .. })) if count >= FEW && count > found => {
+        Some((reading, Seen { count, .. })) if count >= FEW && count > found => {
             advice.push(Advice::Read { reading, satellites: count });
         }
         _ => advice.push(Advice::NothingFound),
@@ -134,14 +134,14 @@ pub fn advise(open: &Open, search: &SearchOptions, found: usize) -> Vec<Advice> 
     advice
 }
 
-/// How many sound satellites there are, and their C/N0 added up.
-struct Sky {
+/// Number of satellites above [`SOUND_DBHZ`], and the sum of their C/N0.
+struct Seen {
     count: usize,
     total_dbhz: f64,
 }
 
-impl Sky {
-    /// More satellites, or as many that are stronger by a decibel: real samples show the same sky at an
+impl Seen {
+    /// More satellites, or as many that are stronger by a decibel: real samples show the same satellites at an
     /// intermediate frequency and at its negative, and the same Dopplers may be searched under two options.
     fn shows_more_than(&self, other: &Self) -> bool {
         let stronger = self.total_dbhz > other.total_dbhz + self.count as f64;
@@ -150,7 +150,7 @@ impl Sky {
 }
 
 /// The satellites in the first samples of a source.
-fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Option<Sky> {
+fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Option<Seen> {
     let info = source.info().clone();
     let signal = searched_signal(&search.satellites, info.rate_hz).ok()?;
     if info.rate_hz < 2.0 * signal.chip_rate_hz * 0.97 {
@@ -167,10 +167,10 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     let mut found = plan.search(samples).ok()?;
     remove_cross_correlations(&mut found, search.coherent_ms, plan.windows(samples.len()));
     found.retain(|a| a.cn0_dbhz >= SOUND_DBHZ);
-    Some(Sky { count: found.len(), total_dbhz: found.iter().map(|a| a.cn0_dbhz).sum() })
+    Some(Seen { count: found.len(), total_dbhz: found.iter().map(|a| a.cn0_dbhz).sum() })
 }
 
-/// What the level statistics of the capture as given say against its sample type.
+/// Level statistics of the capture that do not fit its sample type.
 fn level_doubts(open: &Open) -> Vec<String> {
     let doubts = || {
         let mut source = open(&Reading::default())?;

@@ -1,58 +1,55 @@
-//! **sdr-rx**: samples of an antenna array go in at the top of the house, and a position with
-//! everything a person needs to trust it comes out at the bottom.
+//! **sdr-rx**, a GNSS software receiver: from samples of one antenna or of an antenna array to acquisition, tracking,
+//! navigation messages, observations and positions.
 //!
-//! # The tour, in the order of the data path
+//! # The modules, in the order of the data path
 //!
-//! Every stage is a function from one plain type to the next.
+//! Each stage is a function from one plain type to the next.
 //!
-//! **[`scenario`]**: a TOML file becomes a source of samples with known truth: orbits, light time, Earth
-//! rotation, clocks, atmosphere, navigation message, noise, and a front end that can be swapped.
+//! **[`scenario`]** simulates: a TOML file becomes a source of samples with known truth, from orbits, clocks,
+//! atmosphere, navigation message, noise, jammers and a replaceable front end.
 //!
-//! **[`capture`]**: files and pipes become a [`SampleSource`](capture::SampleSource), which gives a
-//! [`Block`](capture::Block): channels x samples, planar `Complex<f32>`. Raw types, packed bits, SigMF, ION
-//! metadata and WAV are told apart; memory does not grow with the length of a file.
+//! **[`capture`]** reads files and pipes (raw types, packed bits, SigMF, ION metadata, WAV) as a
+//! [`SampleSource`](capture::SampleSource) of [`Block`](capture::Block)s: channels x samples, planar
+//! `Complex<f32>`. Memory does not grow with the length of a file.
 //!
-//! **[`front_end`]**: impulses are suppressed by the distribution that the samples show, the intermediate frequency is
-//! removed, the rate lowered, level and spectrum measured.
+//! **[`front_end`]** suppresses impulsive noise by the distribution of the samples, removes the intermediate
+//! frequency, lowers the rate, and measures level and spectrum.
 //!
-//! **[`array`](mod@array)**: the channels of an antenna array: jammers located and removed, sources counted and located
-//! by LDA-l1,1 and JANE before any code is known, the signature of each satellite, a beam to it, and the test
-//! that names signals which all come from one direction.
+//! **[`array`](mod@array)** processes the channels of an antenna array: jammers located and removed, a signature and
+//! a beam for each satellite, and a test for spoofing. Before any code is searched, it finds number and directions of
+//! the sources in the covariance by LDA-l1,1 (Lagrangian dual ascent for the sparse problem with two l1,1 norms) and
+//! JANE (joint angle and number estimation).
 //!
-//! **[`acquisition`]**: [`SearchPlan`](acquisition::SearchPlan) looks at every code phase and Doppler with a
-//! chosen false-alarm probability; [`search_code_periods`](array::code_periods::search_code_periods) finds most of
-//! them in a few singular vectors instead; [`Refiner`](acquisition::Refiner) measures what was found to the
-//! Cramer-Rao bound; the set of satellites tells mirrored spectra and missing samples.
+//! **[`acquisition`]**: a [`SearchPlan`](acquisition::SearchPlan) searches all code phases and Dopplers with a given
+//! false-alarm probability ([`array::code_periods`] finds most signals from a few singular vectors instead); a
+//! [`Refiner`](acquisition::Refiner) measures what was found to the Cramer-Rao bound. Mirrored spectra and missing
+//! samples are detected.
 //!
-//! **[`tracking`]** on **[`correlator`]**: a [`Channel`](tracking::Channel) follows one satellite with phase,
-//! frequency and code loops, one [`Epoch`](tracking::Epoch) per code period, one [`Bit`](tracking::Bit)
-//! per twenty, and says when it has lost it.
+//! **[`tracking`]** on **[`correlator`]**: a [`Channel`](tracking::Channel) tracks one satellite with phase,
+//! frequency and code loops; it gives an [`Epoch`](tracking::Epoch) for each code period and the
+//! [`Symbol`](tracking::Symbol)s of the message.
 //!
-//! **[`gnss::message`]**: bits become subframes (parity, polarity, time of week), subframes ephemerides,
-//! ionosphere and UTC, accepted only when their issue numbers agree.
+//! **[`receiver`]** runs these stages: [`Receiver::push`](receiver::Receiver::push) takes samples and reports
+//! [`Event`](receiver::Event)s (satellites, messages, observations, positions), of which a
+//! [`Recorder`](receiver::Recorder) makes the record of a run. **[`advice`]** finds the probable mistake in the
+//! options when almost nothing was acquired.
 //!
-//! **[`gnss::observation`]**: tracks at one instant, or a snapshot's code phases, become
-//! [`Observation`](gnss::observation::Observation)s: pseudorange, Doppler, carrier phase, C/N0.
+//! **[`report`]** writes the record: tables, JSON, RINEX, NMEA 0183, GeoJSON, KML, plots.
 //!
-//! **[`position`]**: a [`Solver`](position::Solver) leads from the Earth's centre to the region by
-//! pseudoranges, Dopplers or both; then the full model, a residual test with exclusion, velocity, covariance.
-//! A snapshot needs neither place nor time. It knows of no files and no samples.
+//! **[`experiment`]** sweeps the properties of a front end and compares the losses with theory.
 //!
-//! **[`network`]**: many receivers' [`LinearModel`](network::LinearModel)s become one solution at each of them,
-//! without a centre: a [`Station`](network::station::Station) is a state machine that any transport may carry.
-//! **[`network::file`]** reads networks.
+//! # The crates
 //!
-//! **[`report`]**: RINEX, NMEA 0183, GeoJSON, KML, JSON, a page with plots, tables on the terminal.
+//! **[`gnss`]**: signals, messages, orbits, observations, antennas, time, coordinates, and files of them.
 //!
-//! **[`experiment`]**: figures of papers made again, with a verdict for each claim; sweeps over front ends.
+//! **[`position`]**: positions from observations without prior knowledge, by pseudoranges, Dopplers or both, for
+//! epochs and for snapshots of unknown time; a [`Solver`](position::solver::Solver) for research.
 //!
-//! **[`gnss`]** lies beneath all floors: constants, time, coordinates, orbits, codes, navigation files.
-//! **[`receiver`]** wires the stages in this order and holds nothing else; **[`advice`]** names a
-//! newcomer's likely mistake when nothing is found.
+//! **[`network`]**: least squares in a network of receivers without a centre, as state machines for any transport.
 //!
 //! # From a scenario to a position
 //!
-//! A tenth of a second over Munich, the orbits known, the time told wrong by half a minute:
+//! A snapshot of a tenth of a second over Munich, with known orbits and a time that is wrong by half a minute:
 //!
 //! ```
 //! use sdr_rx::acquisition::{Refiner, SearchOptions, SearchPlan};

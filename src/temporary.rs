@@ -1,4 +1,4 @@
-//! Files that appear under their names only when they are complete.
+//! Files that get their names only when they are complete.
 
 use std::io;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A newcomer's mistakes with captures: each is named, with what would be right.
+//! Errors in captures and options: each message names the error and what is valid.
 
 use sdr_rx::capture::{self, Block, Datatype, Layout, OpenOptions, SigmfWriter, StreamInfo};
 use std::path::PathBuf;
@@ -252,7 +252,7 @@ fn wrong_outputs_are_named() {
 }
 
 #[test]
-fn the_command_line_says_it_in_one_line_and_exits_with_2() {
+fn the_command_line_reports_errors_in_one_line_and_exits_with_2() {
     let f = Folder::new(&[("a.bin", &[0; 40])]);
     let run = |args: &[&str]| {
         let mut command = assert_cmd::Command::cargo_bin("sdr-rx").unwrap();

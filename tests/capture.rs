@@ -1,4 +1,4 @@
-//! Captures of every kind give the samples that they hold.
+//! Captures of every kind give the correct samples.
 
 mod common;
 
@@ -57,17 +57,17 @@ fn sign(word: u32, bit: u32) -> f32 {
 }
 
 #[test]
-fn raw_captures_hold_what_their_bytes_say() -> Tested {
+fn raw_captures_give_the_samples_of_their_bytes() -> Tested {
     let Some(data) = data() else { return Ok(()) };
-    type Twin = fn(&[u8]) -> Vec<Complex32>;
-    let one_bit: Twin = |bytes| {
+    type Decode = fn(&[u8]) -> Vec<Complex32>;
+    let one_bit: Decode = |bytes| {
         let pairs = |b: &u8| {
             [7, 5, 3, 1].map(|i| complex(sign(u32::from(*b), i), sign(u32::from(*b), i - 1)))
         };
         bytes.iter().flat_map(pairs).collect()
     };
-    let real8: Twin = |bytes| bytes.iter().map(|b| complex(*b as i8, 0.0)).collect();
-    let cases: [(&str, &str, f64, f64, u64, Twin); 6] = [
+    let real8: Decode = |bytes| bytes.iter().map(|b| complex(*b as i8, 0.0)).collect();
+    let cases: [(&str, &str, f64, f64, u64, Decode); 6] = [
         ("pocketsdr_L1_4MHz_iq_cs8.bin", "cs8", 4e6, 0.0, 2_000_000, cs8),
         ("pocketsdr_L1_12MHz_real_s8.bin", "s8", 12e6, 3e6, 1_200_000, real8),
         ("cttc_L1_4MHz_4ms_cf32.bin", "cf32", 4e6, 0.0, 16_000, cf32),
@@ -75,11 +75,11 @@ fn raw_captures_hold_what_their_bytes_say() -> Tested {
         ("sim_tokyo_2.6MHz_1s_cs8.bin", "cs8", 2.6e6, 0.0, 2_600_000, cs8),
         ("sim_tokyo_2.6MHz_45s_1bit.bin", "b1", 2.6e6, 0.0, 117_000_000, one_bit),
     ];
-    for (name, format, rate_hz, if_hz, samples, twin) in cases {
+    for (name, format, rate_hz, if_hz, samples, expected) in cases {
         let path = data.join("captures").join(name);
         let options = OpenOptions { if_hz: Some(if_hz), ..raw(format, rate_hz) };
         for conjugate in [false, true] {
-            // 0.1 s from the middle of the file, against its bytes read the plain way.
+            // 0.1 s from the middle of the file, against a plain decoding of its bytes.
             let options = OpenOptions {
                 conjugate,
                 start_s: samples as f64 / rate_hz / 2.0,
@@ -95,11 +95,11 @@ fn raw_captures_hold_what_their_bytes_say() -> Tested {
             let bytes = std::fs::read(&path)?;
             let length = (bytes.len() as f64 * 0.1 * rate_hz / samples as f64).ceil() as usize;
             let middle = &bytes[bytes.len() / 2..];
-            let mut twin = twin(&middle[..length.min(middle.len())]);
+            let mut expected = expected(&middle[..length.min(middle.len())]);
             if conjugate {
-                twin.iter_mut().for_each(|x| *x = complex(x.re, -x.im));
+                expected.iter_mut().for_each(|x| *x = complex(x.re, -x.im));
             }
-            assert!(got[0] == twin, "{name}");
+            assert!(got[0] == expected, "{name}");
         }
     }
     // As MANIFEST.md states of the Pocket SDR front end.
@@ -124,9 +124,9 @@ fn jrc_metadata_pick_the_bits_of_l1_with_q_inverted() -> Tested {
     assert!(notes.iter().any(|n| n.contains("two times of the first sample")));
     let words = std::fs::read(&file)?;
     let words = words.chunks_exact(2).map(|b| u32::from(b[0]) | u32::from(b[1]) << 8);
-    let twin: Vec<Complex32> = words.map(|w| complex(sign(w, 15), -sign(w, 14))).collect();
-    assert!(read_all(source.as_mut(), &[1000])[0] == twin);
-    // The other streams can be had by name.
+    let expected: Vec<Complex32> = words.map(|w| complex(sign(w, 15), -sign(w, 14))).collect();
+    assert!(read_all(source.as_mut(), &[1000])[0] == expected);
+    // The other streams can be chosen by name.
     let l5 = OpenOptions { stream: Some("L5".into()), ..OpenOptions::default() };
     let l5 = open(&[folder.join("jrc.sdrx"), file], l5);
     assert_eq!((l5.info().rate_hz, l5.info().samples), (30e6, Some(6 * 524_288)));
@@ -148,8 +148,9 @@ fn ifen_metadata_give_two_coherent_channels() -> Tested {
     for (channel, file) in got.iter().zip(&files) {
         let codes = std::fs::read(file)?;
         let codes = codes.iter().flat_map(|b| [0, 2, 4, 6].map(|s| usize::from(b >> s & 3)));
-        let twin: Vec<Complex32> = codes.map(|c| complex([1.0, 3.0, -3.0, -1.0][c], 0.0)).collect();
-        assert!(*channel == twin);
+        let expected: Vec<Complex32> =
+            codes.map(|c| complex([1.0, 3.0, -3.0, -1.0][c], 0.0)).collect();
+        assert!(*channel == expected);
     }
     // The same without metadata.
     let options = OpenOptions {
@@ -172,9 +173,9 @@ fn four_interleaved_channels_come_apart() -> Tested {
     let mut source = open(std::slice::from_ref(&path), options);
     assert_eq!((source.info().channels, source.info().samples), (4, Some(1_000_000)));
     let got = read_all(source.as_mut(), &[10_007]);
-    let twin = cs8(&std::fs::read(&path)?);
+    let expected = cs8(&std::fs::read(&path)?);
     for (c, channel) in got.iter().enumerate() {
-        assert!(channel.iter().eq(twin[c..].iter().step_by(4)));
+        assert!(channel.iter().eq(expected[c..].iter().step_by(4)));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! What README, help and examples tell a person to type works as printed.
+//! Commands and programs of README, help and examples work as printed.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ fn the_example_in_the_help_of_each_command_works_as_printed() -> Tested {
         let example = help.lines().find_map(|l| l.trim().strip_prefix("Example: sdr-rx "));
         let example = example.ok_or_else(|| format!("{command} --help shows no example"))?;
         assert!(example.starts_with(command), "{example}");
-        // As printed but for the length: 50 ms are no full fix, and exit code 1 says so.
+        // As printed but for the length: 50 ms give no full fix, and exit code 1.
         let output = run(&format!("{example} --duration 0.05"), folder.path())?;
         let expected = if command == "process" { 1 } else { 0 };
         let complaint = String::from_utf8_lossy(&output.stderr);
@@ -63,7 +63,7 @@ fn each_command_of_the_readme_is_understood() -> Tested {
         let shortened = if long { format!("{line} --duration 0.05") } else { line.to_owned() };
         let output = run(&shortened, folder.path())?;
         let complaint = String::from_utf8_lossy(&output.stderr);
-        // A person's own recording is not there, and only that may be wrong.
+        // Recordings of users are missing; no other error is allowed.
         assert!(!complaint.contains("Usage:"), "{line}: {complaint}");
         assert!(output.status.code() != Some(2) || !ours, "{line}: {complaint}");
     }
@@ -104,7 +104,7 @@ fn each_example_program_runs() -> Tested {
 }
 
 #[test]
-fn the_main_command_of_the_readme_finds_the_place() -> Tested {
+fn the_main_command_of_the_readme_finds_the_position() -> Tested {
     let folder = workplace()?;
     let output = run("process signals/static_8sv.toml --out fix --json -", folder.path())?;
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -113,25 +113,25 @@ fn the_main_command_of_the_readme_finds_the_place() -> Tested {
     the_example_of_solve_gives_the_same_fixes(folder.path(), &result)?;
     let fixes = result["fixes"].as_array().ok_or("no fixes")?;
     assert!(fixes.len() >= 10, "{} fixes", fixes.len());
-    let place =
+    let truth_m =
         sdr_rx::gnss::coordinates::Geodetic::from_degrees(48.1372, 11.5755, 560.0).to_ecef();
     let mut errors: Vec<f64> = fixes
         .iter()
         .map(|fix| {
             let ecef = |k: usize| fix["ecef_m"][k].as_f64().unwrap_or(f64::NAN);
-            (nalgebra::Vector3::new(ecef(0), ecef(1), ecef(2)) - place).norm()
+            (nalgebra::Vector3::new(ecef(0), ecef(1), ecef(2)) - truth_m).norm()
         })
         .collect();
     errors.sort_by(f64::total_cmp);
     // Code noise of a loop of 0.5 Hz with taps at 0.25 chips at 43 dB-Hz: 0.73 m; times a PDOP of 1.7
-    // and 3.4 deviations: 4.2 m. (The scenario has the troposphere that the receiver takes out.)
+    // and 3.4 standard deviations: 4.2 m. (The scenario has the troposphere that the receiver takes out.)
     let median = errors[errors.len() / 2];
     assert!(median < 4.2, "{median} m");
     Ok(())
 }
 
-/// The files that `process` left in `folder/fix` go into `solve` as its help says: as many fixes as those of
-/// `process`, and the same places but for the rounding of ranges to 1 mm and of the assumed noise.
+/// The files that `process` left in `folder/fix` go into `solve` as in its help: as many fixes as those of
+/// `process`, and the same positions but for the rounding of ranges to 1 mm and of the assumed noise.
 fn the_example_of_solve_gives_the_same_fixes(folder: &Path, result: &serde_json::Value) -> Tested {
     let help = String::from_utf8(run("solve --help", folder)?.stdout)?;
     let example = help.lines().find_map(|l| l.trim().strip_prefix("Example: sdr-rx "));

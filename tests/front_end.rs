@@ -1,4 +1,4 @@
-//! Impulse suppression measured where it counts: after the correlator, and in a cold search.
+//! Impulse suppression measured after the correlator and in a cold search.
 
 use num_complex::{Complex32, Complex64};
 use sdr_rx::acquisition::{SearchOptions, SearchPlan};
@@ -58,7 +58,7 @@ fn snr_db(samples: &[Complex32], code: &[f32]) -> f64 {
 }
 
 #[test]
-fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
+fn the_correlators_signal_to_noise_ratio_is_that_of_theory() {
     let sv = "G07".parse().expect("a satellite");
     let chips = signal::of(sv).code();
     let code: Vec<f32> = (0..PERIOD).map(|n| f32::from(chips[n / 2])).collect();
@@ -66,7 +66,8 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
     let amplitude = (10f64.powf(4.5) / RATE_HZ).sqrt() as f32;
     for (share, ratio) in [(0.0, 1.0), (0.1, 50.0), (0.1, 1e3), (0.1, 1e4)] {
         let (mut re, mut im) = (vec![0.0; PERIODS * PERIOD], vec![0.0; PERIODS * PERIOD]);
-        NoiseSource::new(GaussianMixture { share, ratio }, 11, 0).add(0, &mut re, &mut im);
+        NoiseSource::new(GaussianMixture { probability: share, ratio }, 11, 0)
+            .add(0, &mut re, &mut im);
         let mut antenna = Block::zeros(1, re.len());
         for (k, z) in antenna.channel_mut(0).iter_mut().enumerate() {
             *z = Complex32::new(re[k] + amplitude * code[k % PERIOD], im[k]);
@@ -82,7 +83,7 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
             println!("({share}, {ratio}) {suppression}: {snr:.2} dB, theory {theory:.2} dB");
             // The mean of 1500 prompts has a relative power error of sqrt(2 / (1500 snr)), the noise of 12000
             // correlations one of sqrt(1 / 12000), and of a few strong impulses more: where the suppressed noise
-            // has 14 dB 0.04 dB, of which 3.5; linear where nothing is left of the signal is not measured.
+            // has 14 dB 0.04 dB, of which 3.5; the linear receiver, without any signal left, is not measured.
             let bound = 0.15 * (14.0 - theory).max(0.0).mul_add(0.1, 1.0);
             assert!(theory < 0.0 || (snr - theory).abs() < bound, "{snr} dB, theory {theory} dB");
         }
@@ -91,7 +92,8 @@ fn the_correlators_signal_to_noise_ratio_is_the_one_of_theory() {
 
 /// Satellites that a search of 10 ms finds (periods of 1 ms summed) in (0.1, 400) noise at 44 dB-Hz. Its threshold
 /// is 85 on a sum of ten periods, chi-square of 20 degrees (1e-3 in 32 x 2592 x 21 cells). Linear it has 28 dB-Hz
-/// (16.1 dB lost) and reaches that with a probability below 1e-4 for each satellite; the sign, the dearest of the
+/// (16.1 dB lost) and reaches that with a probability below 1e-4 for each satellite; the sign, with the largest
+/// loss of the
 /// others, has 42.1 dB-Hz, 39.3 where the satellite lies half a sample and half a Doppler bin off the grid, and
 /// misses with one below 1e-5.
 fn cold_search(

@@ -1,4 +1,4 @@
-//! Signals beside GPS L1 C/A through the ordinary stages: search, tracking, message.
+//! Signals other than GPS L1 C/A through the ordinary stages: search, tracking, message.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -8,7 +8,7 @@ use sdr_rx::capture::{self, Block, OpenOptions, SampleSource};
 use sdr_rx::correlator::{CodeTable, SampleBuffer};
 use sdr_rx::front_end::Conditioner;
 use sdr_rx::gnss::format::rinex_nav;
-use sdr_rx::gnss::message::sbas::{self, Body, Message};
+use sdr_rx::gnss::message::sbas::{self, SbasContent, SbasMessage};
 use sdr_rx::gnss::message::{Content, NavigationCollector, Page, Update};
 use sdr_rx::gnss::orbit::broadcast::sample_ephemeris;
 use sdr_rx::gnss::{Ephemeris, GpsTime, NavigationData, Sv, Transmission, signal};
@@ -53,7 +53,7 @@ fn receive(
 }
 
 /// Messages of types 63, 9, 1, 25, 63 and 63, with the preambles in their turn.
-fn messages() -> Result<Vec<Message>, sbas::OutOfRange> {
+fn messages() -> Result<Vec<SbasMessage>, sbas::OutOfRange> {
     let navigation = sbas::GeoNavigation {
         t0_s: 68_752.0,
         position_m: [36e6, 21e6, 0.0],
@@ -74,14 +74,14 @@ fn messages() -> Result<Vec<Message>, sbas::OutOfRange> {
         iodp: 2,
     };
     let bodies = [
-        (63, Body::Null(sbas::RawData::default())),
-        (9, Body::GeoNavigation(navigation)),
-        (1, Body::PrnMask(mask)),
-        (25, Body::LongTerm([long_term.clone(), long_term])),
-        (63, Body::Null(sbas::RawData::default())),
-        (63, Body::Null(sbas::RawData::default())),
+        (63, SbasContent::Null(sbas::RawData::default())),
+        (9, SbasContent::GeoNavigation(navigation)),
+        (1, SbasContent::PrnMask(mask)),
+        (25, SbasContent::LongTerm([long_term.clone(), long_term])),
+        (63, SbasContent::Null(sbas::RawData::default())),
+        (63, SbasContent::Null(sbas::RawData::default())),
     ];
-    let message = |(k, (kind, content)): (usize, (u8, Body))| Message {
+    let message = |(k, (kind, content)): (usize, (u8, SbasContent))| SbasMessage {
         kind,
         preamble: (k % 3) as u8,
         content,
@@ -98,7 +98,7 @@ fn messages_of_sbas_come_through_search_tracking_and_decoder() -> Result<(), Fai
     let sv: Sv = "S36".parse()?;
     let transmission = signal::of(sv);
     let sent = messages()?;
-    let bits = sent.iter().map(Message::encode).collect::<Result<Vec<_>, _>>()?;
+    let bits = sent.iter().map(SbasMessage::encode).collect::<Result<Vec<_>, _>>()?;
     let symbols = sbas::encode(&bits);
     let (code, clock) = (transmission.code(), transmission.clock(DOPPLER_HZ));
     let (delay_s, cycle) = (0.3e-3, transmission.timing().cycle as i64);
@@ -121,7 +121,8 @@ fn messages_of_sbas_come_through_search_tracking_and_decoder() -> Result<(), Fai
         .collect();
     let (channel, pages) = receive(&samples, transmission)?;
     assert_eq!(channel.lock(), LockState::Locked);
-    // 4500 pairs of periods: relative deviation of S/N sqrt((1 + 2 S/N) / N) / (S/N) = 0.5 %, five of them and 1 % of
+    // 4500 pairs of periods: relative standard deviation of S/N sqrt((1 + 2 S/N) / N) / (S/N) = 0.5 %, five of
+    // them and 1 % of
     // sampling loss (chips of 2 samples).
     assert!((channel.cn0_dbhz().ok_or("no C/N0")? - CN0_DBHZ).abs() < 0.5);
     assert!((channel.doppler_hz() - DOPPLER_HZ).abs() < 5.0 * channel.doppler_sigma_hz());
@@ -192,7 +193,7 @@ fn an_ephemeris_of_qzss_comes_through_an_ordinary_scenario() -> Result<(), Failu
     Ok(())
 }
 
-/// What a capture holds by an independent search (`captures/real_other_signals.json`).
+/// Satellites in a capture by an independent search (`captures/real_other_signals.json`).
 #[derive(serde::Deserialize)]
 struct Known {
     offset_ms: f64,
@@ -200,7 +201,8 @@ struct Known {
     cn0_component_dbhz: f64,
 }
 
-/// Every SBAS and QZSS satellite that an independent search finds in a real capture is found where it says.
+/// Every SBAS and QZSS satellite that an independent search finds in a real capture is found at the same code
+/// phase and Doppler.
 #[test]
 fn satellites_of_sbas_and_qzss_in_real_captures_are_found_and_refined() -> Result<(), Failure> {
     let Some(folder) = std::env::var_os("SDR_RX_DATA") else {

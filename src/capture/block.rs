@@ -1,9 +1,9 @@
-//! The block: what flows from the antenna to the correlators.
+//! The block: some samples of all channels.
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-/// Samples that are interleaved at a time, so that those of many channels stay in the cache.
+/// Samples interleaved at a time, so that those of many channels stay in the cache.
 const TILE: usize = 256;
 
 /// A run of consecutive samples of all channels, planar: channel 0 whole, then channel 1, ...
@@ -74,7 +74,7 @@ impl Block {
         self.first_sample
     }
 
-    /// States the stream's index of the first sample.
+    /// Sets the stream's index of the first sample.
     pub fn set_first_sample(&mut self, first_sample: u64) {
         self.first_sample = first_sample;
     }

@@ -1,4 +1,4 @@
-//! Samples as the bytes that are written to files and pipes.
+//! Samples as bytes of files and pipes.
 
 use multiversion::multiversion;
 
@@ -56,24 +56,24 @@ fn round<const N: usize>(numbers: &[f32], limit: f32, out: &mut [[u8; N]]) -> u6
 mod tests {
     use super::*;
 
-    /// What the standard library rounds, clips and counts, one number at a time.
-    fn twin(numbers: &[f32], limit: f32) -> (Vec<i16>, u64) {
+    /// Rounding, clipping and counting by the standard library, one number at a time.
+    fn scalar(numbers: &[f32], limit: f32) -> (Vec<i16>, u64) {
         let rounded = numbers.iter().map(|x| x.round_ties_even());
         let levels = rounded.clone().map(|x| x.clamp(-limit, limit) as i16).collect();
         (levels, rounded.filter(|x| x.abs() > limit).count() as u64)
     }
 
     #[test]
-    fn integers_equal_their_scalar_twins_at_every_quarter_and_far_beyond() {
+    fn integers_equal_the_scalar_version_at_every_quarter_and_far_beyond() {
         let extremes = [f32::MAX, f32::MIN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 1e-40];
         let numbers: Vec<f32> =
             (-140_000..140_000).map(|k| k as f32 / 4.0).chain(extremes).collect();
         let mut bytes = vec![9];
-        let (levels, clipped) = twin(&numbers, 127.0);
+        let (levels, clipped) = scalar(&numbers, 127.0);
         assert_eq!(Datatype::I8.encode(&numbers, &mut bytes), clipped);
         assert!(bytes[1..].iter().map(|&b| i16::from(b as i8)).eq(levels));
         bytes.clear();
-        let (levels, clipped) = twin(&numbers, 32_767.0);
+        let (levels, clipped) = scalar(&numbers, 32_767.0);
         assert_eq!(Datatype::I16.encode(&numbers, &mut bytes), clipped);
         assert!(bytes.as_chunks().0.iter().map(|&b| i16::from_le_bytes(b)).eq(levels));
     }

@@ -4,7 +4,7 @@ use super::sample_format::FORMAT_NAMES;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a capture cannot be read or written: what was wrong, where, and what would be right.
+/// Why a capture cannot be read or written: the fault, its position, and what is valid.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CaptureError {

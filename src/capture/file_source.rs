@@ -7,7 +7,7 @@ use crate::gnss::GpsTime;
 use crate::gnss::antenna::ArrayDescription;
 use std::path::Path;
 
-/// What metadata, a name or a header say of a capture; what is `None` must come from the options.
+/// A capture according to metadata, name or header; what is `None` must come from the options.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Description {
     pub format: Option<SampleFormat>,
@@ -21,7 +21,7 @@ pub(super) struct Description {
 }
 
 impl Description {
-    /// A file of which nothing is known yet.
+    /// A file without metadata.
     pub fn unknown(data: Data) -> Self {
         Self {
             format: None,
@@ -48,7 +48,7 @@ pub struct FileSource {
 }
 
 impl FileSource {
-    /// Joins what the capture says with what the person says, and opens the data.
+    /// Joins the description with the options, and opens the data.
     pub(super) fn open(
         described: Description,
         options: &OpenOptions,
@@ -173,7 +173,7 @@ impl SampleSource for FileSource {
     }
 }
 
-/// What the person says, else what the capture says; a contradiction is noted.
+/// The option, else the capture's own value; a difference is noted.
 fn prefer(
     asked: Option<f64>,
     stated: Option<(f64, &'static str)>,

@@ -32,7 +32,7 @@ pub struct Lane {
     pub times: Vec<String>,
 }
 
-/// Parses ION metadata into their lanes; `path` is for messages only.
+/// Parses ION metadata into lanes; `path` is for messages only.
 ///
 /// # Errors
 /// [`CaptureError::Metadata`] with line and column where the XML is malformed,
@@ -113,7 +113,7 @@ pub(super) fn describe(
     })
 }
 
-/// Where the L1 carrier lies: `translatedfreq` is the place of `centerfreq`, so L1 lies as far from it
+/// Where the L1 carrier lies: `centerfreq` lies at `translatedfreq`, and L1 as far from it
 /// as on the air. Some recorders state in `centerfreq` what lies at 0 Hz, and in `translatedfreq` the
 /// carrier itself; then `translatedfreq` equals L1 - `centerfreq`, and is the answer.
 fn carrier_if(center_hz: f64, translated_hz: f64) -> f64 {
@@ -213,7 +213,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// An element by reference: itself if it says anything, else the root's of the same name and id.
+    /// An element by reference: itself if it has content, else the root's of the same name and id.
     fn resolve(&self, node: Node<'a, 'a>) -> Result<Node<'a, 'a>, CaptureError> {
         if node.children().any(|n| n.is_element()) {
             return Ok(node);

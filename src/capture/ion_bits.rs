@@ -2,8 +2,8 @@
 
 use super::packing::{Component, Encoding};
 
-/// From which end of a word or a stream things are taken: `Left` of the standard shifts them out at
-/// the most significant end, `Right` at the least.
+/// Order of samples or streams in a word: `Left` of the standard shifts them out at the most significant
+/// end, `Right` at the least significant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
     /// Most significant first (`Left`).
@@ -28,17 +28,17 @@ pub struct Stream {
     pub left_aligned: bool,
     /// Order of the samples within the stream.
     pub order: Order,
-    /// What a code stands for.
+    /// Value of a code.
     pub encoding: Encoding,
     /// The numbers of one sample in their order: whether it is Q, and whether it is inverted.
     pub numbers: Vec<(bool, bool)>,
-    /// Frequency of the sky that the front end brings to `translated_hz`, Hz.
+    /// Radio frequency that the front end brings to `translated_hz`, Hz.
     pub center_hz: f64,
     /// Where `center_hz` lies in the samples, Hz.
     pub translated_hz: f64,
     /// Bandwidth, Hz.
     pub bandwidth_hz: f64,
-    /// The samples' places in the chunk, once placed.
+    /// The samples' positions in the chunk, once known.
     pub samples: Vec<(Component, Option<Component>)>,
 }
 
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn q_before_i_and_inverted_components_are_told_apart() {
+    fn q_before_i_and_inverted_components_are_distinguished() {
         let mut s = Stream { packed_bits: 4, bits: 2, ..Stream::default() };
         s.set_format("QnI").unwrap();
         s.place(0).unwrap();

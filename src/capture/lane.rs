@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Bytes asked of the system at once: large enough that its cost per call does not count.
+/// Bytes read at once: large enough that the cost of a system call is negligible.
 const CHUNK_BYTES: usize = 256 * 1024;
 
 /// Where the bytes of a lane are: a part of a file, or a stream.

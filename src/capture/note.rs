@@ -1,25 +1,25 @@
-//! What a person should know of a capture that could be read all the same.
+//! Notes on a capture that could be read in spite of doubts.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Something doubtful about a capture, and what was made of it.
+/// Something doubtful about a capture, and how it was treated.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// A number that was asked for is not that of the metadata.
+    /// A requested number differs from the metadata.
     Overridden {
         /// Which number.
         what: &'static str,
-        /// What was asked for and is taken, Hz.
+        /// The requested number, which is used, Hz.
         asked_hz: f64,
-        /// What the metadata say, Hz.
+        /// The metadata's number, Hz.
         stated_hz: f64,
     },
-    /// The sample type that was asked for is not that of the metadata or the name.
+    /// The requested sample type differs from that of the metadata or the name.
     FormatOverridden {
-        /// What was asked for and is taken.
+        /// The requested type, which is used.
         asked: String,
-        /// What the metadata or the name say.
+        /// The type of the metadata or the name.
         stated: String,
     },
     /// The carrier lies beyond half the sampling rate, and is taken as aliased.
@@ -47,11 +47,11 @@ pub enum Note {
         /// Samples of the longest.
         longest: u64,
     },
-    /// The capture is shorter than what was asked for.
+    /// The capture is shorter than requested.
     Shorter {
-        /// What was asked for, s.
+        /// Requested length, s.
         asked_s: f64,
-        /// What there is, s.
+        /// Length of the capture, s.
         given_s: f64,
     },
     /// Numbers were NaN or infinite and were taken as 0.
@@ -83,7 +83,7 @@ pub enum Note {
     NoFrequency(PathBuf),
     /// Not all streams of ION metadata are read.
     Streams {
-        /// Those that are.
+        /// Those that are read.
         read: String,
         /// All.
         offered: String,
@@ -97,13 +97,13 @@ pub enum Note {
         /// The file's.
         other: String,
     },
-    /// A WAV file is shorter than its header says.
+    /// A WAV file is shorter than its header states.
     WavCutOff {
         /// The file.
         path: PathBuf,
-        /// Bytes of samples that the header states.
+        /// Bytes of samples by the header.
         stated: u64,
-        /// Bytes of samples that there are.
+        /// Bytes of samples in the file.
         present: u64,
     },
 }

@@ -1,4 +1,4 @@
-//! Opening a capture, whatever it is.
+//! Opening a capture of any kind.
 
 use super::file_source::{Description, FileSource};
 use super::lane::{Data, is_stdin};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// channel (or group of channels) each.
 ///
 /// # Errors
-/// [`CaptureError`] says what is missing or contradictory, and what would be right.
+/// [`CaptureError`] names what is missing or inconsistent, and what is valid.
 pub fn open(
     inputs: &[PathBuf],
     options: &OpenOptions,
@@ -72,7 +72,7 @@ fn describe_file(path: &Path, options: &OpenOptions) -> Result<Description, Capt
     }
 }
 
-/// Several files of one capture: they must agree in all but their samples.
+/// Several files of one capture: all but their samples must be equal.
 fn merge(described: Vec<Description>) -> Result<Description, CaptureError> {
     let mut all = described.into_iter();
     let mut merged = all.next().ok_or(CaptureError::NoInput)?;

@@ -1,4 +1,4 @@
-//! What a person may say of a capture that does not say it itself.
+//! Options for captures that do not describe themselves.
 
 use super::{BitOrder, CaptureError, Encoding};
 use crate::gnss::GpsTime;
@@ -12,8 +12,8 @@ pub enum Layout {
     Planar,
 }
 
-/// Options of [`open`](super::open): `None` leaves the matter to the capture's metadata, its name or
-/// the stated default. What is given overrides metadata, with a warning where they differ.
+/// Options of [`open`](super::open): `None` takes the value of the capture's metadata, its name or
+/// the stated default. Options override metadata, with a warning where they differ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenOptions {
     /// Sample type by name ([`FORMAT_NAMES`](super::FORMAT_NAMES)), or `wav`.
@@ -43,7 +43,7 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    /// Refuses what can be true of no capture.
+    /// Refuses values that no capture can have.
     pub(super) fn check(&self) -> Result<(), CaptureError> {
         if let Some(rate) = self.rate_hz {
             check_rate(rate)?;

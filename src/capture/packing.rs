@@ -3,7 +3,7 @@
 use num_complex::Complex32;
 use std::str::FromStr;
 
-/// What value a code of a few bits stands for (names as in the ION GNSS SDR metadata standard).
+/// Value of a code of a few bits (names as in the ION GNSS SDR metadata standard).
 ///
 /// The adjusted forms stand for the odd numbers 2x + 1, so that no code is zero and the levels lie
 /// symmetrically: 2 bits give -3, -1, 1, 3.
@@ -67,7 +67,7 @@ impl FromStr for Encoding {
     }
 }
 
-/// From which end of a word the samples are taken.
+/// Order of the samples in a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BitOrder {
     /// The first sample is in the most significant bits.
@@ -76,11 +76,10 @@ pub enum BitOrder {
     LeastFirst,
 }
 
-/// Where a number lies in its word: the distance of its lowest bit from the word's lowest, and
-/// whether it is stored inverted.
+/// Position of a number in its word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Component {
-    /// Position of the lowest bit.
+    /// Position of its lowest bit, counted from the word's lowest.
     pub shift: u32,
     /// Whether the stored number has the wrong sign (`In`, `Qn` of the ION standard).
     pub inverted: bool,

@@ -65,7 +65,7 @@ impl SampleFormat {
         Self { name, coding: Coding::Numbers { number, big_endian, real, q_sign: 1.0 } }
     }
 
-    /// Packed samples, under the name that a person calls them.
+    /// Packed samples, under a common name.
     pub fn packed(name: &str, packing: Packing) -> Self {
         Self { name: name.to_owned(), coding: Coding::Packed(packing) }
     }
@@ -81,7 +81,7 @@ impl SampleFormat {
         Self { coding, ..self }
     }
 
-    /// Name as a person writes it, such as `cs8`.
+    /// Name, such as `cs8`.
     pub fn name(&self) -> &str {
         &self.name
     }

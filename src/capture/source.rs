@@ -1,10 +1,10 @@
-//! The one trait of everything that gives samples.
+//! The trait of sources of samples.
 
 use super::{Block, Note};
 use crate::gnss::GpsTime;
 use crate::gnss::antenna::ArrayDescription;
 
-/// What is known of a stream of samples before the first is read.
+/// Properties of a stream of samples, known before the first is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamInfo {
     /// Samples per second of each channel, Hz (complex samples; for real captures the real rate).
@@ -19,7 +19,7 @@ pub struct StreamInfo {
     pub samples: Option<u64>,
     /// GPS time of the first sample, where the recording states it.
     pub start_time: Option<GpsTime>,
-    /// Sample type as a person names it, such as `cs8`.
+    /// Sample type, such as `cs8`.
     pub format: String,
     /// The antenna array whose elements the channels are, where the recording states it.
     pub array: Option<ArrayDescription>,
@@ -27,18 +27,18 @@ pub struct StreamInfo {
 
 /// A source of samples: a file, a pipe, a scenario, a radio.
 pub trait SampleSource: Send {
-    /// What is known of the stream.
+    /// Properties of the stream.
     fn info(&self) -> &StreamInfo;
 
-    /// Reads up to `samples` samples of each channel into `block` (resized to what was read) and says
-    /// how many; 0 means the end. Fewer than asked come only at the end.
+    /// Reads up to `samples` samples of each channel into `block` (resized to what was read) and returns
+    /// their number; 0 means the end. Fewer than requested are read only at the end.
     fn read(&mut self, block: &mut Block, samples: usize) -> Result<usize, SourceError>;
 
-    /// What a person should know of the samples read so far: a truncated end, NaN replaced by zero, ...
+    /// Notes on the samples read so far: a truncated end, NaN replaced by zero, ...
     fn notes(&self) -> Vec<Note> {
         Vec::new()
     }
 }
 
-/// Why a source can give no more samples: what was being done, what was wrong, where.
+/// Why a source can give no more samples.
 pub type SourceError = Box<dyn std::error::Error + Send + Sync>;

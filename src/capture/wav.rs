@@ -1,4 +1,4 @@
-//! WAV recordings: the header by hound, the samples as any other.
+//! WAV recordings: hound reads the header, the rest is raw samples.
 //!
 //! One column is a real channel; 2N columns are I and Q of N channels.
 
@@ -43,7 +43,7 @@ pub(super) fn describe(path: &Path) -> Result<Description, CaptureError> {
 }
 
 /// Reads the header: the specification, the stated bytes of samples (unless the writer could not
-/// know them and left 0 or the greatest number), and the reader at the first sample.
+/// know them and left 0 or the largest number), and the reader at the first sample.
 fn header<R: Read>(reader: R, path: &Path) -> Result<(WavSpec, Option<u64>, R), CaptureError> {
     let wav = WavReader::new(reader).map_err(|e| wrong(path, e))?;
     let spec = wav.spec();

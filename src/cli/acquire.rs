@@ -1,4 +1,4 @@
-//! `sdr-rx acquire`: which satellites are there.
+//! `sdr-rx acquire`: the satellites in a capture.
 
 use super::output::{self, Printed};
 use super::receive::{self, Receive};
@@ -6,7 +6,7 @@ use sdr_rx::receiver;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Which satellites are there: Doppler, code phase and C/N0 of each
+/// Which satellites are in a capture: Doppler, code phase and C/N0 of each
 ///
 /// Example: sdr-rx acquire signals/static_8sv.toml --prn G01-G32,J193-J199
 #[derive(clap::Args)]

@@ -1,11 +1,11 @@
-//! The options of the position that `process` and `solve` share.
+//! The options of the position, common to `process` and `solve`.
 
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::position::PositioningOptions;
 
-/// What is taken out of the ranges, and which are used.
+/// Corrections of the ranges, and elevation mask.
 #[derive(Args, Clone, Debug)]
 pub struct Corrections {
     /// Troposphere model

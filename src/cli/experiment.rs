@@ -1,5 +1,5 @@
-//! `sdr-rx experiment front-end`: what each property of a front end does.
-//! The papers' figures have a program of their own, `sdr-rx-lab`.
+//! `sdr-rx experiment front-end`: the effect of each property of a front end.
+//! The program `sdr-rx-lab` makes the papers' figures.
 
 use sdr_rx::experiment;
 use sdr_rx::report::{OutputDir, write_atomically};
@@ -19,12 +19,12 @@ enum Name {
     FrontEnd(FrontEndSweep),
 }
 
-/// Bits, bandwidth, IF, oscillator, noise figure, elements, impulses: what each does to acquisition and fix
+/// Bits, bandwidth, IF, oscillator, noise figure, elements, impulses: effect of each on acquisition and fix
 ///
 /// Example: sdr-rx experiment front-end signals/static_8sv.toml --quick
 #[derive(clap::Args)]
 pub struct FrontEndSweep {
-    /// The scenario whose sky, place and rate are used
+    /// The scenario whose satellites, position and rate are used
     scenario: PathBuf,
     /// Write front_end.csv and front_end.svg into this folder
     #[arg(long, value_name = "DIR")]

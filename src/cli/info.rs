@@ -1,4 +1,4 @@
-//! `sdr-rx info`: what a capture holds.
+//! `sdr-rx info`: properties of a capture.
 
 use super::input::Input;
 use super::words;
@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 
-/// Samples of each channel that are looked at.
+/// Samples of each channel that are analysed.
 const LOOK: usize = 1 << 22;
 /// Samples of each channel that are read at once.
 const BLOCK: usize = 1 << 16;
@@ -28,7 +28,7 @@ pub struct Info {
     json: bool,
 }
 
-/// All that is printed.
+/// The properties.
 #[derive(Serialize)]
 struct Report {
     schema: &'static str,
@@ -52,7 +52,7 @@ struct Report {
     warnings: Vec<String>,
 }
 
-/// Prints what the capture holds; the level and the spectrum are those of its first 4 million samples.
+/// Prints the properties of the capture; the level and the spectrum are those of its first 4 million samples.
 pub fn run(args: &Info) -> anyhow::Result<ExitCode> {
     let mut source = args.input.open()?;
     let files = args.input.captures.iter().map(|p| p.display().to_string()).collect();
@@ -160,11 +160,11 @@ fn write_channel(
         writeln!(out, "            I against Q {gain:+.2} dB, quadrature error {phase:+.2} deg")?;
     }
     if let Some(values) = &level.values {
-        let shares: Vec<String> = values
+        let values: Vec<String> = values
             .iter()
-            .map(|(value, share)| format!("{value}: {:.1} %", 100.0 * share))
+            .map(|(value, fraction)| format!("{value}: {:.1} %", 100.0 * fraction))
             .collect();
-        writeln!(out, "            values {}", shares.join(", "))?;
+        writeln!(out, "            values {}", values.join(", "))?;
     }
     let highest = spectrum.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let lowest = spectrum.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The options that say what a capture is, shared by all commands that read one.
+//! The options that describe a capture, common to all commands that read one.
 
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
@@ -7,7 +7,7 @@ use sdr_rx::gnss::GpsTime;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::PathBuf;
 
-/// The capture and what is to be known of it.
+/// The capture and its properties.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Input {
     /// Raw file, .sigmf-meta, ION metadata (.sdrx .smfx .xml, then perhaps its data files), .wav, a
@@ -79,7 +79,7 @@ pub enum BitOrderArg {
 }
 
 impl Input {
-    /// Opens the capture, or makes it where it is a scenario.
+    /// Opens the capture, or simulates it where it is a scenario.
     pub fn open(&self) -> anyhow::Result<Box<dyn SampleSource>> {
         Ok(match self.scenario()? {
             Some(scenario) => Box::new(ScenarioSource::new(&scenario)?),
@@ -96,7 +96,7 @@ impl Input {
         let own = OpenOptions { duration_s: self.duration, ..OpenOptions::default() };
         ensure!(
             self.options() == own,
-            "'{}' is a scenario, which itself says what its samples are: of the capture options only \
+            "'{}' is a scenario, which itself describes its samples: of the capture options only \
              --duration applies",
             path.display()
         );
@@ -114,7 +114,7 @@ impl Input {
         self.captures.iter().map(name).collect::<Vec<_>>().join(" ")
     }
 
-    /// Whether a capture is standard input, a pipe, a socket or a device: what cannot be read a second time.
+    /// Whether a capture is standard input, a pipe, a socket or a device, which cannot be read twice.
     pub fn is_stream(&self) -> bool {
         let streams = |path: &PathBuf| {
             let kind = std::fs::metadata(path).map(|m| m.file_type());

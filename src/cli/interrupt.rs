@@ -1,4 +1,4 @@
-//! Ctrl-C ends the stream, not the program: what was reached is written.
+//! Ctrl-C ends the stream, not the program: results so far are written.
 
 use sdr_rx::capture::{Block, Note, SampleSource, SourceError, StreamInfo};
 use signal_hook::consts::SIGINT;
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// How often it is looked whether the stream was interrupted while it gives nothing.
+/// Interval at which the interruption of a silent stream is checked.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Whether Ctrl-C was pressed; a second one ends the program at once.
@@ -31,7 +31,7 @@ impl Interrupt {
 
 type Read = Result<(Block, Vec<Note>), SourceError>;
 
-/// A source that is read by a thread of its own, one block ahead, and that ends when it is interrupted even while it
+/// A source that is read by a thread of its own, one block ahead, and that ends at an interruption even while it
 /// waits for samples.
 pub struct Interruptible {
     info: StreamInfo,
@@ -54,7 +54,7 @@ impl Interruptible {
                 let mut block = reuse.try_recv().unwrap_or_default();
                 let read = source.read(&mut block, samples).map(|_| (block, source.notes()));
                 let is_last = read.as_ref().map_or(true, |(block, _)| block.is_empty());
-                // Nobody listens any more when the stream was interrupted.
+                // There is no receiver when the stream was interrupted.
                 if give.send(read).is_err() || is_last {
                     break;
                 }
@@ -69,7 +69,7 @@ impl SampleSource for Interruptible {
         &self.info
     }
 
-    /// Gives the next block of the length that the thread reads, whatever is asked for.
+    /// Gives the next block, of the length that the thread reads.
     fn read(&mut self, block: &mut Block, _samples: usize) -> Result<usize, SourceError> {
         while !self.ended && !self.interrupt.pressed() {
             match self.blocks.recv_timeout(PATIENCE) {
@@ -77,7 +77,7 @@ impl SampleSource for Interruptible {
                     let (next, notes) = read?;
                     self.notes = notes;
                     self.ended = next.is_empty();
-                    // When the channel is full there are blocks enough.
+                    // When the channel is full there are enough blocks.
                     let _ = self.used.try_send(std::mem::replace(block, next));
                     return Ok(block.len());
                 }

@@ -1,5 +1,4 @@
-//! What a person or a program sees while a stream is received: a status line on a terminal, a line a fix, events as
-//! JSON Lines.
+//! Output while a stream is received: a status line on a terminal, a line for each fix, events as JSON Lines.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdr_rx::capture::StreamInfo;
@@ -13,7 +12,7 @@ use std::collections::BTreeSet;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::Path;
 
-/// Where events go.
+/// Outputs of events.
 pub struct Live {
     /// Samples a second, of the stream, and as the receiver counts them.
     rates_hz: [f64; 2],
@@ -61,7 +60,7 @@ impl Live {
         Ok(())
     }
 
-    /// Takes what the receiver tells.
+    /// Takes an event.
     pub fn take(&mut self, event: &Event) {
         match event {
             Event::Lock { sv, state: LockState::Lost, .. } => {
@@ -83,7 +82,7 @@ impl Live {
         if let Some(events) = &mut self.events {
             let line = event_line(event, self.rates_hz[1]);
             let written = events.write_all(line.as_bytes());
-            // A reader of events waits for fixes.
+            // Readers of events need fixes at once.
             let written = match event {
                 Event::Fix(_) | Event::NoFix { .. } => written.and_then(|()| events.flush()),
                 _ => written,
@@ -92,7 +91,7 @@ impl Live {
         }
     }
 
-    /// Says how far the stream has come, in samples of the stream.
+    /// Shows the progress, in samples of the stream.
     pub fn progress(&self, samples: u64) {
         self.bar.set_position(samples);
         let at_s = samples as f64 / self.rates_hz[0];
@@ -111,7 +110,7 @@ impl Live {
         self.failed.map_or(Ok(()), Err)
     }
 
-    /// A closed pipe is nobody's mistake; other errors are kept for the end.
+    /// A closed pipe is no error; other errors are kept for the end.
     fn note(&mut self, written: std::io::Result<()>) {
         if let Err(error) = written {
             (self.follow, self.events) = (false, None);
@@ -125,14 +124,14 @@ impl Live {
 /// A fix in a line: UTC, latitude and longitude in degrees, height above WGS 84, satellites, standard deviation
 /// (3-D), signal from the first sample on.
 fn fix_line(fix: &Fix, rate_hz: f64) -> String {
-    let place = Geodetic::from_ecef(&fix.position_m);
+    let position = Geodetic::from_ecef(&fix.position_m);
     let sigma_m = fix.covariance.trace().max(0.0).sqrt();
     format!(
         "{} {:.7} {:.7} {:.1} m, {} satellites, {sigma_m:.1} m (1 sigma), {:.2} s",
         fix.time.utc_iso(),
-        place.latitude.to_degrees(),
-        place.longitude.to_degrees(),
-        place.height,
+        position.latitude.to_degrees(),
+        position.longitude.to_degrees(),
+        position.height,
         fix.residuals.len(),
         fix.sample / rate_hz
     )

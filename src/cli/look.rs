@@ -1,4 +1,4 @@
-//! `sdr-rx look`: how many sources there are, and from where.
+//! `sdr-rx look`: number and directions of sources.
 
 use super::output::Printed;
 use super::receive::{self, Receive};
@@ -8,7 +8,7 @@ use sdr_rx::report::{arrival_plot, write_atomically};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// How many sources an array sees and from where, before any code is searched; then whose they are
+/// Number and directions of the sources at an array, before any code is searched; then their satellites
 ///
 /// Example: sdr-rx look signals/ula16.toml --svg sky.svg
 #[derive(clap::Args)]
@@ -26,7 +26,7 @@ pub struct Look {
     json: Option<PathBuf>,
 }
 
-/// Looks and prints. Exit code 1 when nothing is seen.
+/// Looks and prints. Exit code 1 when nothing is found.
 pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
     anyhow::ensure!(args.seconds >= 0.002, "--seconds must be 0.002 or more: two code periods");

@@ -40,7 +40,7 @@ enum Command {
     Solve(solve::Solve),
 }
 
-/// Runs the command line and gives the exit code: 0 the asked result, 1 no fix, 2 usage or input.
+/// Runs the command line and gives the exit code: 0 the requested result, 1 no fix, 2 usage or input.
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Process(args) => process::run(&args),

@@ -1,4 +1,4 @@
-//! How `process` and `acquire` print and write what they found.
+//! Output of `process` and `acquire`.
 
 use super::receive::Receive;
 use super::words;
@@ -10,7 +10,7 @@ use sdr_rx::report::{self, OutputDir, Run};
 use std::io::Write;
 use std::path::Path;
 
-/// A record with the names that a person gave things.
+/// A record with the names of its inputs.
 pub struct Printed<'a> {
     pub receive: &'a Receive,
     pub info: &'a StreamInfo,
@@ -19,7 +19,7 @@ pub struct Printed<'a> {
     /// Whether the stream was ended before its end.
     pub interrupted: bool,
     pub advice: Vec<Advice>,
-    /// Options as they are echoed.
+    /// Options, for the record.
     pub options: serde_json::Value,
 }
 
@@ -39,7 +39,7 @@ impl Printed<'_> {
         })
     }
 
-    /// Samples at the receiver's rate: those that were promised, or of an endless stream those that came.
+    /// Samples at the receiver's rate: those of the stream where their number is known, else those received.
     fn samples(&self) -> Option<u64> {
         let promised = self.info.samples.map(|n| n / self.decimation as u64);
         promised.filter(|_| !self.interrupted).or(Some(self.record.samples))
@@ -104,16 +104,16 @@ fn tables(run: &Run, fixes: bool) -> String {
     if fixes {
         text += "\n";
         text += &report::fix_table(run);
-        let sky = report::sky(run);
+        let in_view = report::satellites_in_view(run);
         if !run.fixes.is_empty() {
             text += "\n";
-            text += &report::sky_text(&sky);
+            text += &report::sky_plot_text(&in_view);
         }
     }
     text
 }
 
-/// Where next to nothing was found in a file: what is probably wrong.
+/// Where almost nothing was found in a file: the probable cause.
 pub fn advise(receive: &Receive, options: &ReceiverOptions, record: &Record) -> Vec<Advice> {
     let sound = |r: &&Refined| r.acquisition.cn0_dbhz >= advice::SOUND_DBHZ;
     let found = record.acquisitions.iter().filter(sound).count();

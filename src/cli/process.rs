@@ -29,7 +29,7 @@ pub struct Process {
     /// Add a page with plots, report.html, to --out
     #[arg(long, requires = "out", help_heading = "Output")]
     report: bool,
-    /// Print each fix as it is made [default: where the capture is a pipe, a socket or a device]
+    /// Print each fix at once [default: where the capture is a pipe, a socket or a device]
     #[arg(long, help_heading = "Output")]
     follow: bool,
     /// Write events as they happen, as JSON Lines, to a file, or - for standard output
@@ -37,7 +37,7 @@ pub struct Process {
     events: Option<PathBuf>,
 }
 
-/// Runs the receiver, prints and writes what it found. Exit code 1 when there is no fix, 130 when Ctrl-C ended it.
+/// Runs the receiver, prints and writes its results. Exit code 1 when there is no fix, 130 when Ctrl-C ended it.
 pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
     let source = args.receive.input.open()?;
@@ -47,7 +47,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     let to_stdout = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
     let (json_out, events_out) = (to_stdout(&args.json), to_stdout(&args.events));
     ensure!(!(json_out && events_out), "--json and --events cannot both go to standard output");
-    // Hours of signal are not to end in a folder that cannot be written.
+    // Checked first: hours of signal would be lost if the folder could not be written.
     let folder = args.out.as_ref().map(OutputDir::create).transpose()?;
     folder.as_ref().map_or(Ok(()), OutputDir::check)?;
     if let Some(path) = args.json.as_deref().filter(|_| !json_out) {
@@ -65,16 +65,16 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     let mut receiver = Receiver::new(&info, options.clone(), Task::Track)?;
     let mut source = Interruptible::new(source, receiver.chunk(), interrupt.clone());
     let mut recorder = Recorder::default();
-    let mut tell = |event: &Event, live: &mut Live| {
+    let mut take = |event: &Event, live: &mut Live| {
         recorder.take(event);
         live.take(event);
     };
     let (mut block, chunk) = (Block::default(), receiver.chunk());
     while source.read(&mut block, chunk).map_err(ReceiverError::Source)? > 0 {
-        receiver.push(&mut block, &mut |event| tell(&event, &mut live))?;
+        receiver.push(&mut block, &mut |event| take(&event, &mut live))?;
         live.progress(receiver.samples());
     }
-    let end = receiver.finish(&mut |event| tell(&event, &mut live))?;
+    let end = receiver.finish(&mut |event| take(&event, &mut live))?;
     let record = recorder.finish(end, &options, source.notes());
     live.finish().context("writing events")?;
 

@@ -1,4 +1,4 @@
-//! The options that `process` and `acquire` share, and how they become the receiver's.
+//! The options common to `process` and `acquire`, and their conversion to the receiver's.
 
 use super::corrections::Corrections;
 use super::input::{Input, si_number};
@@ -16,7 +16,7 @@ use sdr_rx::position::PositioningOptions;
 use sdr_rx::receiver::ReceiverOptions;
 use std::path::PathBuf;
 
-/// Where the receiver searches and how.
+/// Options of the search.
 #[derive(Args, Clone, Debug)]
 pub struct Receive {
     /// The capture.
@@ -25,10 +25,10 @@ pub struct Receive {
     /// Satellites to search, such as G01-G32,J193-J199
     #[arg(long, value_name = "LIST", default_value = "G01-G32", value_parser = satellites, help_heading = "Search")]
     pub prn: Satellites,
-    /// Greatest Doppler, Hz, either way: satellites make 5k, the oscillator's error adds to it
+    /// Maximum Doppler, Hz, of either sign: satellites make 5k, the oscillator's error adds to it
     #[arg(long, value_name = "HZ", default_value = "5k", value_parser = si_number, help_heading = "Search")]
     pub doppler_max: f64,
-    /// Greatest rate of the Doppler, Hz/s, either way: satellites in low orbits reach 600
+    /// Maximum rate of the Doppler, Hz/s, of either sign: satellites in low orbits reach 600
     /// [default: 600 where --doppler-max is above 10k, else 0]
     #[arg(long, value_name = "HZ/S", value_parser = si_number, help_heading = "Search")]
     pub doppler_rate_max: Option<f64>,
@@ -45,14 +45,14 @@ pub struct Receive {
     #[arg(long, value_name = "N", help_heading = "Search")]
     pub decimate: Option<usize>,
     /// The antenna array of a capture of several channels: ula:8, ura:2x2, uca:8:0.5, or a TOML file
-    /// [default: what the metadata say]
+    /// [default: that of the metadata]
     #[arg(long, value_name = "ARRAY", value_parser = array, help_heading = "Array")]
     pub array: Option<ArrayDescription>,
     /// Solver of the sparse problem that looks for sources: the fast one, or LDA-l1,1 as published
     #[arg(long, value_name = "ENGINE", default_value = "admm", help_heading = "Array")]
     pub engine: EngineArg,
-    /// Beams to the satellites: to the signature measured, with nulls on jammers found; or Capon's (MVDR), against
-    /// interference too weak to be found
+    /// Beams to the satellites: to the measured signature, with nulls on detected jammers; or Capon's (MVDR), against
+    /// interference too weak to be detected
     #[arg(long, value_name = "KIND", default_value = "conventional", help_heading = "Array")]
     pub beam: BeamArg,
     /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
@@ -63,7 +63,7 @@ pub struct Receive {
     pub threads: Option<usize>,
 }
 
-/// How positions are solved.
+/// Options of the position.
 #[derive(Args, Clone, Debug)]
 pub(super) struct Solve {
     /// RINEX navigation files, in addition to what the signals carry
@@ -73,7 +73,7 @@ pub(super) struct Solve {
     /// that --nav covers are searched
     #[arg(long, value_name = "S", default_value = "60", value_parser = duration, help_heading = "Position")]
     pub time_uncertainty: f64,
-    /// What is taken out of the ranges.
+    /// Corrections of the ranges.
     #[command(flatten)]
     pub corrections: Corrections,
     /// Time between fixes, s
@@ -143,7 +143,7 @@ impl From<EngineArg> for Engine {
 pub enum BeamArg {
     /// Matched to the signature.
     Conventional,
-    /// Least output power.
+    /// Minimum output power.
     Mvdr,
 }
 
@@ -156,7 +156,7 @@ impl From<BeamArg> for BeamKind {
     }
 }
 
-/// Rate that automatic decimation keeps at least, Hz.
+/// Minimum rate after automatic decimation, Hz.
 const ENOUGH_RATE_HZ: f64 = 4e6;
 
 impl Receive {
@@ -196,7 +196,7 @@ impl Receive {
     }
 }
 
-/// The options that decide the result, as they are echoed in it.
+/// The options that decide the result, for the record.
 pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
     serde_json::json!({
         "satellites": options.search.satellites.iter().map(|t| t.sv).collect::<Vec<_>>(),

@@ -11,12 +11,12 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Samples of all channels together that are made at a time.
+/// Samples of all channels together, generated at a time.
 const BLOCK: usize = 1 << 18;
 
 /// Make a capture with known truth from a scenario
 ///
-/// The samples are those of GPS L1 C/A as IS-GPS-200 says it, of each element where the scenario has an
+/// The samples are those of GPS L1 C/A by IS-GPS-200, of each element where the scenario has an
 /// array. Beside them are written the truth (NAME.truth.json) and the satellites' ephemerides
 /// (NAME.nav.rnx, for `process --nav`). Files appear under their names when complete.
 ///
@@ -39,7 +39,7 @@ pub struct Simulate {
     seed: Option<u64>,
 }
 
-/// Makes the capture.
+/// Simulates the capture.
 pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
     let mut scenario = Scenario::read(&args.scenario)?;
     if let Some(duration) = args.duration {
@@ -55,7 +55,7 @@ pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
             .context("--out -: real samples are written as SigMF only: give NAME.sigmf-meta")?;
         let mut writer = RawWriter::new(io::stdout().lock(), format);
         let written = copy(&mut source, |block| Ok(writer.write(block)?));
-        // A reader that has enough closes the pipe: that is no failure.
+        // A reader may close the pipe: that is no failure.
         return match written.and_then(|()| Ok(writer.finish().map(drop)?)) {
             Err(e) if is_broken_pipe(&e) => Ok(ExitCode::SUCCESS),
             other => other.map(|()| ExitCode::SUCCESS),
@@ -118,7 +118,7 @@ fn copy(
     }
 }
 
-/// Writes what is known beside the capture: the truth as NAME.truth.json, the ephemerides as NAME.nav.rnx.
+/// Writes the truth as NAME.truth.json and the ephemerides as NAME.nav.rnx beside the capture.
 fn write_beside(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
     let mut text = serde_json::to_vec_pretty(&source.truth())?;
     text.push(b'\n');

@@ -39,22 +39,22 @@ pub(super) struct Solve {
     /// RINEX navigation files: ephemerides and ionosphere
     #[arg(value_name = "NAV.rnx")]
     navigation: Vec<PathBuf>,
-    /// Precise orbits and clocks, used before broadcast ones where they reach
+    /// Precise orbits and clocks, used instead of broadcast ones while they are valid
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// What to solve from; Dopplers need a receiver at rest
+    /// Observables to solve from; Dopplers need a receiver at rest
     #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
     observable: ObservableArg,
     /// Solver from the Earth's centre: best, aw-dgn-bt, vp, gn, ...; any other word lists all
     #[arg(long, value_name = "NAME", default_value = "best", help_heading = "Position")]
     solver: Solver,
-    /// The receiver rests: one position from all epochs
+    /// The receiver is at rest: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
     at_rest: bool,
     /// Weights of outliers
-    #[arg(long, value_name = "LAW", default_value = "none", help_heading = "Position")]
+    #[arg(long, value_name = "WEIGHTS", default_value = "none", help_heading = "Position")]
     robust: RobustArg,
-    /// What to do when satellites contradict each other
+    /// What to do when the satellites' observations are inconsistent
     #[arg(long, value_name = "HOW", default_value = "chi-square", help_heading = "Position")]
     exclusion: ExclusionArg,
     #[command(flatten)]
@@ -62,8 +62,8 @@ pub(super) struct Solve {
     /// The height is known: metres above WGS 84, and their standard deviation, such as 560:10
     #[arg(long, value_name = "M:SIGMA", value_parser = height, allow_hyphen_values = true, help_heading = "Position")]
     height: Option<Height>,
-    /// True place, deg, deg, m above WGS 84, to compare with [default: APPROX POSITION of the file]
-    #[arg(long, value_name = "LAT,LON,H", value_parser = place, allow_hyphen_values = true, help_heading = "Output")]
+    /// True position, deg, deg, m above WGS 84, to compare with [default: APPROX POSITION of the file]
+    #[arg(long, value_name = "LAT,LON,H", value_parser = position, allow_hyphen_values = true, help_heading = "Output")]
     reference: Option<Geodetic>,
     /// Write result.json, RINEX, NMEA, GeoJSON and KML files into this folder
     #[arg(long, value_name = "DIR", help_heading = "Output")]
@@ -107,11 +107,11 @@ enum RobustArg {
 /// `--exclusion`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ExclusionArg {
-    /// Leave out satellites until the residuals pass the test, or refuse the epoch.
+    /// Exclude satellites until the residuals pass the test, or refuse the epoch.
     ChiSquare,
     /// Refuse the epoch.
     Refuse,
-    /// Make no test.
+    /// No test.
     Off,
 }
 
@@ -121,11 +121,11 @@ fn height(text: &str) -> Result<Height, String> {
         Some((height_m, sigma_m)) if f64::is_finite(height_m) && sigma_m > 0.0 => {
             Ok(Height { height_m, sigma_m })
         }
-        _ => Err(format!("'{text}' is no height: write metres and deviation as 560:10")),
+        _ => Err(format!("'{text}' is no height: write metres and standard deviation as 560:10")),
     }
 }
 
-fn place(text: &str) -> Result<Geodetic, String> {
+fn position(text: &str) -> Result<Geodetic, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[latitude, longitude, height])
@@ -133,7 +133,7 @@ fn place(text: &str) -> Result<Geodetic, String> {
         {
             Ok(Geodetic::from_degrees(latitude, longitude, height))
         }
-        _ => Err(format!("'{text}' is no place: write degrees and metres as 48.137,11.575,560")),
+        _ => Err(format!("'{text}' is no position: write degrees and metres as 48.137,11.575,560")),
     }
 }
 
@@ -177,7 +177,7 @@ impl Solve {
     }
 }
 
-/// What came of the file.
+/// The solutions of a file.
 #[derive(Default)]
 struct Solved {
     epochs: Vec<ObservationEpoch>,
@@ -231,7 +231,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         let enu = Geodetic::from_ecef(&marker).ecef_to_enu();
         (marker + enu.transpose() * Vector3::new(east, north, up), "APPROX POSITION of the file")
     });
-    let given = args.reference.map(|place| (place.to_ecef(), "--reference"));
+    let given = args.reference.map(|position| (position.to_ecef(), "--reference"));
     let reference =
         given.or(approximate).map(|(position_m, source)| Reference { position_m, source });
     let name = args.observations.file_name().unwrap_or(args.observations.as_os_str());
@@ -271,7 +271,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     let mut text = report::fix_table(&run);
     if !solved.fixes.is_empty() {
         text += "\n";
-        text += &report::sky_text(&report::sky(&run));
+        text += &report::sky_plot_text(&report::satellites_in_view(&run));
     }
     output::emit(&run, args.json.as_deref(), text)?;
     Ok(if solved.fixes.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
@@ -375,12 +375,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_and_heights_are_read() {
-        let munich = place("48.5, 11.5,560").unwrap();
+    fn positions_and_heights_are_read() {
+        let munich = position("48.5, 11.5,560").unwrap();
         assert_eq!((munich.latitude.to_degrees(), munich.height), (48.5, 560.0));
         assert_eq!(height("-20:0.5"), Ok(Height { height_m: -20.0, sigma_m: 0.5 }));
         for wrong in ["", "48,11", "91,0,0", "a,b,c", "1,2,nan"] {
-            assert!(place(wrong).is_err(), "{wrong}");
+            assert!(position(wrong).is_err(), "{wrong}");
         }
         for wrong in ["", "560", "560:0", "560:-1", "a:b", "nan:1"] {
             assert!(height(wrong).is_err(), "{wrong}");

@@ -1,4 +1,4 @@
-//! What the library says in types, with the options that a person would give.
+//! Errors and notices of the library, with the options that help.
 
 use sdr_rx::advice::{Advice, Reading};
 use sdr_rx::capture::{CaptureError, Note};
@@ -6,7 +6,7 @@ use sdr_rx::position::PositioningError;
 use sdr_rx::receiver::{NoFix, Notice};
 use sdr_rx::report::ReportError;
 
-/// What to do about an error.
+/// The remedy of an error.
 pub fn advice(error: &anyhow::Error) -> Option<&'static str> {
     error.chain().find_map(|cause| {
         let of_capture = || cause.downcast_ref().and_then(of_capture);
@@ -39,7 +39,7 @@ fn of_report(error: &ReportError) -> Option<&'static str> {
     matches!(error, ReportError::Folder { .. }).then_some("give --out another folder")
 }
 
-/// A notice as a person reads it.
+/// A notice with its remedy.
 pub fn notice(notice: &Notice) -> String {
     match notice {
         Notice::Source(of) => note(of),
@@ -50,7 +50,7 @@ pub fn notice(notice: &Notice) -> String {
     }
 }
 
-/// Why there is no fix, and what would help.
+/// Why there is no fix, and the remedy.
 pub fn reason(reason: &NoFix) -> String {
     match reason {
         NoFix::NoOrbits { .. } => format!(
@@ -58,7 +58,7 @@ pub fn reason(reason: &NoFix) -> String {
         ),
         NoFix::NotDated { .. } => format!("{reason}, or --nav FILE with 6 s"),
         NoFix::Solution(PositioningError::Unexplained { .. }) => {
-            format!("{reason}; a greater --time-uncertainty, such as 5h, searches further")
+            format!("{reason}; a larger --time-uncertainty, such as 5h, searches further")
         }
         NoFix::Solution(PositioningError::TimeNotFound { .. }) => format!(
             "{reason}; --time narrows the search, --troposphere none suits signals simulated without one"
@@ -67,7 +67,7 @@ pub fn reason(reason: &NoFix) -> String {
     }
 }
 
-/// What a source says of its samples.
+/// A note of a source, with its remedy.
 pub fn note(note: &Note) -> String {
     let advice = match note {
         Note::Aliased { .. } => "; check --if and --rate",
@@ -80,21 +80,23 @@ pub fn note(note: &Note) -> String {
     format!("{note}{advice}")
 }
 
-/// What to try when next to no satellite was found.
+/// What to try when almost no satellite was found.
 pub fn advised(advice: &Advice) -> String {
     match advice {
         Advice::Read { reading, satellites } => {
             format!("{satellites} satellites are there with {}: try it", options(reading))
         }
-        Advice::NothingFound => "next to no satellite was found, in any usual sample type, rate or \
-            intermediate frequency: was the antenna connected and under the sky, and the receiver tuned \
+        Advice::NothingFound => {
+            "next to no satellite was found, in any usual sample type, rate or \
+            intermediate frequency: was the antenna connected and outdoors, and the receiver tuned \
             to 1575.42 MHz? `sdr-rx info` shows level and spectrum"
-            .to_owned(),
+                .to_owned()
+        }
         Advice::Level(doubt) => doubt.clone(),
     }
 }
 
-/// The options that read a capture so.
+/// The options of a reading.
 fn options(reading: &Reading) -> String {
     let parts = [
         reading.format.map(|f| format!("--format {f}")),

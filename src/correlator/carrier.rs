@@ -10,7 +10,7 @@ const MIN_EDGE_LOG_RATIO: f64 = 6.9;
 
 /// The carrier of a run of prompts, relative to the replica's.
 #[derive(Clone, Debug)]
-pub struct Carrier {
+pub struct CarrierEstimate {
     /// Frequency in the middle of the run, Hz.
     pub frequency_hz: f64,
     /// Its rate, Hz/s; 0 where none was searched.
@@ -40,7 +40,7 @@ pub fn estimate_carrier(
     prompts: &[Complex64],
     timing: SymbolTiming,
     span: CarrierSpan,
-) -> Option<Carrier> {
+) -> Option<CarrierEstimate> {
     let SymbolTiming { period_s, cycle } = timing;
     let count = prompts.len();
     let power: f64 = prompts.iter().map(|p| p.norm_sqr()).sum();
@@ -101,7 +101,7 @@ pub fn estimate_carrier(
     let second = (0..edges).filter(|&e| e != edge).map(|e| score(frequency, e)).fold(0.0, f64::max);
     let log_ratio = (score(frequency, edge) - second) / (cycle as f64 * noise);
     let symbol_edge = (!short && log_ratio > MIN_EDGE_LOG_RATIO).then_some(edge);
-    Some(Carrier { frequency_hz: frequency, rate_hz_s: rate, phase, symbol_edge, wipe_off })
+    Some(CarrierEstimate { frequency_hz: frequency, rate_hz_s: rate, phase, symbol_edge, wipe_off })
 }
 
 /// Search of frequency and symbol edge under one rate.

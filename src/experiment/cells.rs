@@ -1,4 +1,4 @@
-//! The settings that are compared.
+//! The settings of the sweep.
 
 use super::SECONDS;
 use super::theory::{band_loss_db, noise_figure_loss_db, quantiser_loss_db};
@@ -23,11 +23,11 @@ pub(super) struct Cell {
     pub(super) theory_loss_db: Option<f64>,
 }
 
-/// A square array, half a wavelength between neighbours, that the receiver takes for calibrated.
+/// A square array, half a wavelength between neighbours, that the receiver assumes to be calibrated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Elements {
     side: usize,
-    /// Deviation of the elements' gains, dB, and phases, rad.
+    /// Standard deviation of the elements' gains, dB, and phases, rad.
     gain_db: f64,
     phase: f64,
 }
@@ -37,12 +37,12 @@ impl Elements {
         self.side * self.side
     }
 
-    /// The array as the receiver knows it.
+    /// The array without errors, as given to the receiver.
     pub(super) fn nominal(self) -> ArrayDescription {
         AntennaArray::rectangular(self.side, self.side, L1_WAVELENGTH / 2.0).into()
     }
 
-    /// The array as it is: with the errors of this run.
+    /// The array with the errors of this run.
     pub(super) fn actual(self, run: u64) -> ArrayDescription {
         let mut rng = ChaCha8Rng::seed_from_u64(run);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -59,7 +59,7 @@ impl Elements {
 pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
     let mut ideal = given.clone();
     ideal.duration_s = SECONDS;
-    ideal.noise.impulse_share = 0.0;
+    ideal.noise.impulse_probability = 0.0;
     ideal.array = None;
     let end = &mut ideal.front_end;
     (end.bits, end.rms_steps, end.bandwidth_hz, end.agc_time_constant_s) = (None, None, None, None);
@@ -84,15 +84,17 @@ pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
             (s.front_end.bits, s.front_end.rms_steps) = (Some(2), Some(rms_steps));
         });
     }
-    for share in [0.9, 0.75, 0.6, 0.45] {
-        let hz = share * rate_hz;
+    for fraction in [0.9, 0.75, 0.6, 0.45] {
+        let hz = fraction * rate_hz;
         add("bandwidth", megahertz(hz), Some(band_loss_db(hz, rate_hz)), &|s| {
             s.front_end.bandwidth_hz = Some(hz);
         });
     }
-    for share in [0.05, 0.15, 0.25] {
-        // A carrier off the middle loses what its sidelobes lose beyond the edges: nothing, they fold back.
-        add("IF", megahertz(share * rate_hz), Some(0.0), &|s| s.front_end.if_hz = share * rate_hz);
+    for fraction in [0.05, 0.15, 0.25] {
+        // A carrier off the middle loses nothing: sidelobes beyond the edges are aliased back.
+        add("IF", megahertz(fraction * rate_hz), Some(0.0), &|s| {
+            s.front_end.if_hz = fraction * rate_hz
+        });
     }
     // Real samples: twice the rate, the same band about a quarter of it. The noise in the band is the same.
     let band_hz = 0.8 * rate_hz;
@@ -112,7 +114,7 @@ pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
     for (side, gain_db, phase_deg) in
         [(2, 0.0, 0.0), (3, 0.0, 0.0), (2, 0.5, 5.0), (2, 1.0, 10.0), (2, 2.0, 20.0)]
     {
-        // The beam follows the responses measured, so that their errors cost nothing but directions.
+        // The beam is that of the measured signature, so that errors of the elements affect directions only.
         let elements = Elements { side, gain_db, phase: f64::to_radians(phase_deg) };
         let setting = match gain_db {
             0.0 => format!("{side}x{side}"),
@@ -127,7 +129,7 @@ pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
         });
     }
     let given = &given.noise;
-    let share = if given.impulse_share > 0.0 { given.impulse_share } else { 0.1 };
+    let share = if given.impulse_probability > 0.0 { given.impulse_probability } else { 0.1 };
     for ratio in [50.0, 1e3, 1e4] {
         let law = Mixture { probability: share, background: 1.0, impulse: ratio, real: false };
         for (suppression, map) in [
@@ -139,7 +141,7 @@ pub(super) fn cells(given: &Scenario) -> Vec<Cell> {
         ] {
             let setting = format!("{share} x{ratio:.0} {suppression}");
             let mut scenario = ideal.clone();
-            scenario.noise.impulse_share = share;
+            scenario.noise.impulse_probability = share;
             scenario.noise.impulse_variance_ratio = ratio;
             let theory_loss_db = Some(map.loss_db(&law));
             cells.push(Cell {

@@ -1,4 +1,4 @@
-//! What each property of a front end does to acquisition, observables and fix.
+//! Effect of each property of a front end on acquisition, observables and fix.
 //!
 //! One property is varied at a time, around an ideal front end (no quantiser, the whole sampled band, no
 //! intermediate frequency, thermal noise alone, one antenna). Each setting is simulated with several seeds,
@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use theory::code_separation_s;
 
-/// Signal of each run, s: what a refinement uses.
+/// Signal of each run, s, as long as a refinement uses.
 const SECONDS: f64 = 0.2;
 
 /// Oscillator errors make Dopplers beyond the satellites' own, Hz.
@@ -36,7 +36,7 @@ pub enum FrontEndError {
     Scenario {
         /// Property and setting.
         setting: String,
-        /// Why.
+        /// The error.
         source: ScenarioError,
     },
     /// The receiver failed.
@@ -49,25 +49,25 @@ pub enum FrontEndError {
     },
 }
 
-/// What one setting did.
+/// Results of one setting.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct SweepRow {
     /// The property varied.
     pub property: &'static str,
     /// Its setting.
     pub setting: String,
-    /// Satellites in the sky, over all seeds.
+    /// Satellites in view, over all seeds.
     pub satellites: usize,
     /// Of those, how many were found.
     pub found: usize,
-    /// Satellites found that are not there.
+    /// False detections.
     pub false_ones: usize,
     /// Mean loss of C/N0 against the ideal front end, dB; of the satellites found by both.
     pub loss_db: Option<f64>,
-    /// The loss that theory predicts, where it does.
+    /// The loss by theory, where there is one.
     pub theory_loss_db: Option<f64>,
-    /// The same where the other satellites' codes are part of the noise, as they are in what is measured: the
-    /// front end adds nothing to them.
+    /// The same with the other satellites' codes as part of the noise, as in what is measured, to which the front end
+    /// adds nothing.
     pub expected_loss_db: Option<f64>,
     /// Error of code phases about their mean in a run, m, rms.
     pub code_m: Option<f64>,
@@ -83,7 +83,7 @@ pub struct Row {
     pub position_m: Option<f64>,
 }
 
-/// One run of one cell: what each satellite of the truth became.
+/// One run of one cell.
 struct Run {
     /// C/N0, code and Doppler errors by satellite of the truth; `None` where it was not found.
     satellites: Vec<Option<Measured>>,
@@ -103,7 +103,7 @@ struct Measured {
 ///
 /// # Errors
 /// When the scenario cannot be simulated or received.
-pub fn sweep(scenario: &Scenario, runs: usize) -> Result<Vec<Row>, FrontEndError> {
+pub fn sweep(scenario: &Scenario, runs: usize) -> Result<Vec<SweepRow>, FrontEndError> {
     let cells = cells(scenario);
     let all: Vec<Vec<Run>> = cells
         .par_iter()
@@ -181,11 +181,11 @@ fn error_m(position_m: Vector3<f64>, truth: &TruthEpoch) -> f64 {
 }
 
 /// The runs of a cell beside those of the ideal front end.
-fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> Row {
+fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> SweepRow {
     let pairs = runs.iter().zip(ideal).flat_map(|(a, b)| a.satellites.iter().zip(&b.satellites));
     let losses = pairs.filter_map(|(a, b)| Some(b.as_ref()?.cn0_dbhz - a.as_ref()?.cn0_dbhz));
     let found = || runs.iter().flat_map(|r| r.satellites.iter().flatten());
-    // Code errors that all satellites share are a delay of the receiver's.
+    // A code error common to all satellites is a delay of the receiver.
     let codes = runs.iter().flat_map(|run| {
         let codes: Vec<f64> = run.satellites.iter().flatten().map(|m| m.code_m).collect();
         let common = mean(codes.iter().copied()).unwrap_or(0.0);
@@ -197,7 +197,7 @@ fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> Row {
         10.0 * (noise / (1.0 + codes_over_noise(first, first, ideal))).log10()
     };
     let positions = || runs.iter().filter_map(|r| r.position_m);
-    Row {
+    SweepRow {
         satellites: runs.iter().map(|r| r.satellites.len()).sum(),
         found: found().count(),
         false_ones: runs.iter().map(|r| r.false_ones).sum(),
@@ -215,7 +215,7 @@ fn row(cell: &Cell, runs: &[Run], first: &Cell, ideal: &[Run]) -> Row {
     }
 }
 
-/// What the codes of the other satellites add to the noise of one, at the level of the `first` cell and the
+/// Power of the codes of the other satellites over the noise of one, at the level of the `first` cell and the
 /// sampling rate of another.
 fn codes_over_noise(first: &Cell, cell: &Cell, ideal: &[Run]) -> f64 {
     let runs = ideal.len().max(1) as f64;

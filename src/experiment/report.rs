@@ -1,11 +1,11 @@
 //! The sweep as table, CSV and plot.
 
-use super::Row;
+use super::SweepRow;
 use crate::report::{Dot, ReportError, dot_plot};
 use std::fmt::Write;
 
 /// One line a setting.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(rows: &[SweepRow]) -> String {
     let mut text = String::from(
         "property         setting                found  false   loss/dB  expected/dB  theory/dB   code/m  Doppler/Hz  direction  fixes  position/m\n",
     );
@@ -30,13 +30,13 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// A number, or a dash where there is none.
+/// A number, or a dash for none.
 fn number(value: Option<f64>, width: usize, digits: usize) -> String {
     value.map_or(format!("{:>width$}", "-"), |v| format!("{v:width$.digits$}"))
 }
 
-/// The rows with a header; what there is not is empty.
-pub fn csv(rows: &[Row]) -> String {
+/// The rows with a header; absent values are empty.
+pub fn csv(rows: &[SweepRow]) -> String {
     let mut text = String::from(
         "property,setting,satellites,found,false,loss_db,expected_loss_db,theory_loss_db,code_rms_m,doppler_rms_hz,direction_rms,runs,fixes,position_rms_m\n",
     );
@@ -68,7 +68,7 @@ pub fn csv(rows: &[Row]) -> String {
 ///
 /// # Errors
 /// When the drawing fails.
-pub fn plot(rows: &[Row]) -> Result<String, ReportError> {
+pub fn plot(rows: &[SweepRow]) -> Result<String, ReportError> {
     let dots: Vec<Dot> = rows
         .iter()
         .filter(|r| r.loss_db.is_some())

@@ -1,4 +1,4 @@
-//! What a front end must lose.
+//! Losses of a front end by theory.
 
 use crate::gnss::signal::GPS_L1_CA;
 use crate::scenario::fir::low_pass_taps;
@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 /// noise's is E\[x y\]^2 / E\[y^2\] of that before (Bussgang 1952). 1.96 dB for one bit, 0.55 dB for two at
 /// their best.
 pub fn quantiser_loss_db(bits: u32, rms_steps: Option<f64>) -> f64 {
-    // Midpoints of 2^15 steps from -8 to 8: the jumps of the quantiser, and what lies beyond, make no 0.001 dB.
+    // Midpoints of 2^15 steps from -8 to 8: the jumps of the quantiser, and the tails, are below 0.001 dB.
     const STEPS: usize = 1 << 15;
     let x: Vec<f32> = (0..STEPS).map(|k| (16.0 * (k as f32 + 0.5) / STEPS as f32) - 8.0).collect();
     let mut y = x.clone();
@@ -27,7 +27,7 @@ pub fn quantiser_loss_db(bits: u32, rms_steps: Option<f64>) -> f64 {
 
 /// Loss of the front end's low-pass of a two-sided bandwidth, dB, where noise and code are sampled at
 /// `rate_hz` and correlated with a code of unlimited bandwidth: (integral S H)^2 / integral S H^2, S the
-/// spectrum of the code with what sampling folds into it, of unit power, and H the filter.
+/// spectrum of the code with its aliases, of unit power, and H the filter.
 pub fn band_loss_db(bandwidth_hz: f64, rate_hz: f64) -> f64 {
     const STEPS: usize = 2048;
     let taps = low_pass_taps(bandwidth_hz / rate_hz);
@@ -47,7 +47,7 @@ pub fn band_loss_db(bandwidth_hz: f64, rate_hz: f64) -> f64 {
 }
 
 /// Power of another satellite's code after the correlator over that of white noise, per dB-Hz of its C/N0 as a
-/// ratio, s: integral S^2, the spectral separation of the code from itself (2/3 of a chip where nothing folds).
+/// ratio, s: integral S^2, the spectral separation of the code from itself (2/3 of a chip without aliasing).
 pub fn code_separation_s(rate_hz: f64) -> f64 {
     const STEPS: usize = 2048;
     let step = rate_hz / STEPS as f64;
@@ -59,14 +59,14 @@ pub fn code_separation_s(rate_hz: f64) -> f64 {
     squares / (sum * sum)
 }
 
-/// Density of a code of random chips after sampling, but for a factor: sinc^2 and its images.
+/// Density of a code of random chips after sampling, up to a factor: sinc^2 and its aliases.
 fn folded_code_density(f_hz: f64, rate_hz: f64) -> f64 {
     let sinc2 = |x: f64| if x == 0.0 { 1.0 } else { ((PI * x).sin() / (PI * x)).powi(2) };
     (-50..=50).map(|k| sinc2((f_hz + f64::from(k) * rate_hz) / GPS_L1_CA.chip_rate_hz)).sum()
 }
 
-/// Noise of a front end over that of the antenna alone, dB: (T_A + T_0 (F - 1)) / T_A with an antenna that
-/// sees the sky and some ground, T_A = 130 K, and T_0 = 290 K (Kaplan and Hegarty, 3rd ed., 8.3).
+/// Noise of a front end over that of the antenna alone, dB: (T_A + T_0 (F - 1)) / T_A with the antenna temperature
+/// of the sky and some ground, T_A = 130 K, and T_0 = 290 K (Kaplan and Hegarty, 3rd ed., 8.3).
 pub fn noise_figure_loss_db(noise_figure_db: f64) -> f64 {
     const ANTENNA_K: f64 = 130.0;
     const REFERENCE_K: f64 = 290.0;

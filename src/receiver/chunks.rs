@@ -1,4 +1,4 @@
-//! A stream cut anew: however its blocks come, the receiver works on chunks of one length.
+//! Blocks of any length, regrouped into chunks of one length.
 
 use crate::capture::Block;
 
@@ -25,13 +25,13 @@ impl Chunks {
         self.position + self.filled as u64
     }
 
-    /// The chunk that is full, or the rest.
+    /// The full chunk, or the rest of the stream.
     pub(super) fn chunk(&mut self) -> &mut Block {
         &mut self.chunk
     }
 
-    /// Takes samples of a block from its sample `used` on; says whether that makes a chunk. A block that is a chunk
-    /// is exchanged, not copied.
+    /// Takes samples of a block from its sample `used` on; whether the chunk is full. A block that is a chunk is
+    /// exchanged, not copied.
     pub(super) fn take(&mut self, block: &mut Block, used: &mut usize) -> bool {
         if self.filled == 0 && *used == 0 && block.len() == self.size {
             *used = self.size;
@@ -51,7 +51,7 @@ impl Chunks {
         self.filled == self.size && self.give()
     }
 
-    /// Makes a chunk of the samples that fill none; says whether there are any.
+    /// Makes a chunk of the rest of the stream; whether there is any.
     pub(super) fn rest(&mut self) -> bool {
         self.chunk.truncate(self.filled);
         self.filled > 0 && self.give()

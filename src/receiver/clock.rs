@@ -1,6 +1,6 @@
 //! The receiver's clock: at which samples all satellites are measured, and when those samples were received.
 //!
-//! Until the first fix has told the time, instants lie a whole number of intervals after the first sample. From
+//! Until the first fix gives the time, instants lie a whole number of intervals after the first sample. From
 //! then on each lies at the sample nearest a round instant of GPS time (a multiple of the interval from the start
 //! of the week), whatever the offset and drift of the sampling clock.
 
@@ -76,7 +76,7 @@ impl ReceiverClock {
         self.newest
     }
 
-    /// Reads the clock by a fix: instants from `end` on, which no track has reached, follow it.
+    /// Sets the clock by a fix: instants from `end` on, which no track has reached, follow it.
     pub(super) fn steer(&mut self, fix: &Fix, end: u64) {
         let Some(bias_s) = fix.clock_bias_s else { return };
         self.reading = Some((fix.sample, bias_s, fix.clock_drift_sps.unwrap_or(0.0)));
@@ -94,7 +94,7 @@ impl ReceiverClock {
         let time = origin + last as f64 / self.rate_hz - bias_s;
         let into = time.tow().rem_euclid(self.interval_s);
         let to_round = self.interval_s - into;
-        // One that is nearer than half an interval is the present one, or would crowd it.
+        // One that is nearer than half an interval is the present one, or too near to it.
         let wait_s =
             if to_round < 0.5 * self.interval_s { to_round + self.interval_s } else { to_round };
         last + (wait_s * self.rate_hz / (1.0 - drift)).round().max(1.0) as u64

@@ -1,4 +1,4 @@
-//! What a receiver tells while samples stream through it.
+//! Events and notices of a receiver.
 
 use crate::acquisition::{MissingSamples, Refined};
 use crate::array::{Bearing, Jammer, SkyEpoch};
@@ -10,7 +10,7 @@ use crate::position::{Fix, PositioningError};
 use crate::tracking::LockState;
 use std::fmt;
 
-/// What a receiver tells, as it happens. Samples are counted at the receiver's rate from the start of the stream.
+/// What a receiver reports, as it happens. Samples are counted at the receiver's rate from the start of the stream.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// The satellites at the start, refined, strongest first.
@@ -19,23 +19,23 @@ pub enum Event {
     Lock {
         /// The satellite.
         sv: Sv,
-        /// Up to which sample the track had come.
+        /// Sample that the track had reached.
         sample: u64,
-        /// What became of it.
+        /// Its new state.
         state: LockState,
     },
     /// Navigation data that a satellite's message completed.
     Message {
         /// The satellite that sent it.
         sv: Sv,
-        /// Up to which sample its signal had been read.
+        /// Sample up to which its message had been read.
         sample: u64,
         /// What is new.
         update: Update,
     },
     /// The measurements of one instant, once time is known.
     Observed(ObservationEpoch),
-    /// A position, by the navigation data known so far.
+    /// A position, with the navigation data known so far.
     Fix(Fix),
     /// An instant that was measured and gave no position.
     NoFix {
@@ -44,7 +44,7 @@ pub enum Event {
         /// Why.
         error: PositioningError,
     },
-    /// What an array sees of the satellites, about once a second.
+    /// Directions of the satellites by an array, about once a second.
     Sky(SkyEpoch),
     /// Jammers that an array removes, strongest first, when there are more than before.
     Interference {
@@ -53,35 +53,35 @@ pub enum Event {
         /// Power and direction of each.
         jammers: Vec<Jammer>,
     },
-    /// What a person should know.
+    /// A notice to the user.
     Notice(Notice),
 }
 
-/// What a person should know of a run.
+/// A notice to the user about a run.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Notice {
-    /// What the source of the samples says of them.
+    /// A note of the source of the samples.
     Source(Note),
-    /// Code drifts and Dopplers disagree in sign.
+    /// Code drifts and Dopplers have opposite signs: the spectrum is mirrored.
     Mirrored,
-    /// The code phases of all satellites jump within the first second.
+    /// The code phases of all satellites jump within the first second: samples are missing.
     Slip {
         /// The jump.
         slip: MissingSamples,
         /// Samples a second.
         rate_hz: f64,
     },
-    /// The code phases of several satellites jumped while their signals were away.
+    /// The code phases of several satellites jumped while their signals were lost.
     Jump {
-        /// Before when, s from the first sample.
+        /// The jump was before this time, s from the first sample.
         before_s: f64,
-        /// How many satellites agree.
+        /// Number of satellites with the same jump.
         satellites: usize,
-        /// By how much, s.
+        /// The jump, s.
         jump_s: f64,
     },
-    /// Directions cannot be had.
+    /// Directions cannot be determined.
     NoDirections(String),
     /// Jammers were removed, from this time on.
     Interference {
@@ -90,7 +90,7 @@ pub enum Notice {
         /// Strongest first.
         jammers: Vec<Jammer>,
     },
-    /// A part of the time that a snapshot's fix was to be searched in was left out, h.
+    /// Part of a snapshot's time uncertainty that was not searched, h.
     TimeLeftOut(f64),
     /// Something about the directions of the satellites is suspect: from the start, or from a time on (s).
     Sky {
@@ -112,14 +112,14 @@ pub enum NoFix {
         /// Satellites found.
         found: usize,
     },
-    /// The stream ended before four satellites' messages told time and orbits.
+    /// The stream ended before the messages of four satellites gave time and orbits.
     NotDated {
         /// Satellites tracked.
         found: usize,
-        /// Of which so many gave a subframe.
+        /// Of those, satellites with a subframe.
         dated: usize,
     },
-    /// No instant has four dated satellites.
+    /// No instant has four satellites with known transmission times.
     TooFew,
     /// The position solution of the last instant, or of the snapshot.
     Solution(PositioningError),

@@ -15,8 +15,8 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 /// A detection is confirmed when the refinement, over more signal, finds no less than this much of it, dB:
-/// noise that passed the search's threshold falls by the ratio of the two lengths. Less than four times
-/// the signal of the search says nothing new.
+/// noise that passed the search's threshold falls by the ratio of the two lengths. A refinement over less than
+/// four times the signal of the search decides nothing.
 const CONFIRMED_DB: f64 = 6.0;
 const CONFIRMING: f64 = 4.0;
 
@@ -33,7 +33,7 @@ pub(super) struct Found {
 
 /// Makes beams to signatures measured in a block.
 pub(super) struct BeamFormer {
-    /// Of the samples, for beams that look at it.
+    /// Covariance of the samples, for beams that use it.
     covariance: Option<CMat>,
 }
 
@@ -51,8 +51,7 @@ impl BeamFormer {
     }
 }
 
-/// A stretch `start..end` (stream indices) of samples, held twice: as they are, and as correlators read
-/// them.
+/// Samples `start..end` (stream indices), held twice: as they are, and in the buffers of correlators.
 pub(super) struct Region<'a> {
     pub(super) block: &'a Block,
     pub(super) buffers: &'a [SampleBuffer],
@@ -63,8 +62,8 @@ pub(super) struct Region<'a> {
 }
 
 /// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
-/// removed the channels share some noise, and beams of independent noise take their place. Satellites `known`
-/// beforehand are given back with the others; what is only their shadow is not.
+/// removed the noise of the channels is correlated, and beams of independent noise replace them. Satellites
+/// `known` beforehand are returned with the others; their cross-correlations are not.
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
@@ -99,7 +98,7 @@ pub(super) fn search(
 }
 
 impl Region<'_> {
-    /// Refines what a search found in this stretch; what the refinement does not confirm is dropped.
+    /// Refines what a search found in these samples; what the refinement does not confirm is dropped.
     pub(super) fn refine_all(&self, cells: &[Acquisition], searched: &SearchOptions) -> Vec<Found> {
         let refine = |a: &Acquisition| self.refine(a, searched);
         let mut found: Vec<Found> = cells.par_iter().filter_map(refine).collect();
@@ -120,14 +119,14 @@ impl Region<'_> {
             .with_doppler_rate(searched.doppler_rate_hz_s)
             .refine(cell, &table, span_hz)
             .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
-        // Once more where the code and the carrier really are.
+        // Once more at the refined code phase and Doppler.
         let spatial =
             spatial.and_then(|first| self.signature(&refined.acquisition, &table).or(Some(first)));
         let is_there = refined.acquisition.cn0_dbhz > cell.cn0_dbhz - CONFIRMED_DB;
         (is_there || !confirms).then_some(Found { refined, spatial })
     }
 
-    /// What the elements of an array see of a satellite, over at most [`CHUNK_S`], and the beam to it.
+    /// The signature of a satellite, over at most [`CHUNK_S`], and the beam to it.
     fn signature(&self, cell: &Acquisition, table: &CodeTable) -> Option<(Signature, Beam)> {
         if self.buffers.len() < 2 {
             return None;

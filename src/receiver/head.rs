@@ -2,11 +2,11 @@
 
 use super::event::{Event, Notice};
 use super::find::{BeamFormer, Found, Region, search};
-use super::judge::share_noise;
+use super::judge::is_common_noise;
 use super::sky::see;
 use super::stages::Stages;
 use super::survey::survey;
-use super::{ReceiverError, ReceiverOptions, Tell};
+use super::{Emit, ReceiverError, ReceiverOptions};
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, find_missing_samples, is_mirrored,
 };
@@ -15,17 +15,17 @@ use crate::array::sky::interference::Interference;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 
-/// Most samples that a head holds: of one channel, and of all together.
+/// Maximum number of samples of a head: of one channel, and of all together.
 const HEAD_SAMPLES: f64 = 8e6;
 const HEAD_SAMPLES_OF_ALL: f64 = 24e6;
 
-/// The start of a stream: what acquisition sees.
+/// The start of a stream, for acquisition.
 pub(super) struct Head {
     pub(super) block: Block,
-    /// The same samples as the correlators read them, by channel.
+    /// The same samples in buffers of correlators, by channel.
     pub(super) buffers: Vec<SampleBuffer>,
-    /// Whether the elements share their noise, so that only one of them can be searched.
-    pub(super) shared_noise: bool,
+    /// Whether the elements have common noise, so that only one of them can be searched.
+    pub(super) common_noise: bool,
 }
 
 impl Head {
@@ -40,14 +40,14 @@ pub(super) struct Gathering {
     want: usize,
     /// The stages as they were before the first block, but for the removal of jammers.
     plain: Stages,
-    /// Of an array the samples as they came, should the removal of jammers have been wrong.
+    /// Of an array the untreated samples, in case the removal of jammers was wrong.
     raws: Vec<Block>,
     blocks: Vec<Block>,
     len: usize,
 }
 
 impl Gathering {
-    /// Of a head of so many seconds.
+    /// For a head of so many seconds.
     pub(super) fn new(seconds: f64, stages: &Stages) -> Self {
         let most = HEAD_SAMPLES.min(HEAD_SAMPLES_OF_ALL / stages.info().channels as f64);
         Self {
@@ -59,7 +59,7 @@ impl Gathering {
         }
     }
 
-    /// Takes the next chunk of samples; says whether that is enough.
+    /// Takes the next chunk of samples; whether that is enough.
     pub(super) fn take(&mut self, raw: &mut Block, stages: &mut Stages) -> bool {
         let mut block = Block::default();
         if raw.channels() > 1 {
@@ -71,10 +71,10 @@ impl Gathering {
         self.len >= self.want
     }
 
-    /// The head. Where the elements have something strong in common that looked like a jammer, but is common
-    /// noise, it stays, in the samples to come too.
+    /// The head. Where what was removed as a jammer is common noise of the elements, it is no longer removed, in
+    /// later samples neither.
     pub(super) fn finish(mut self, stages: &mut Stages, asked: &SearchOptions) -> Head {
-        let mut shared_noise = false;
+        let mut common_noise = false;
         if stages.interference().is_some() {
             let mut plain = self.plain;
             let treated = |raw: &mut Block| {
@@ -83,8 +83,8 @@ impl Gathering {
                 block
             };
             let untouched: Vec<Block> = self.raws.iter_mut().map(treated).collect();
-            shared_noise = share_noise(&untouched[0], &self.blocks[0], stages.rate_hz(), asked);
-            if shared_noise {
+            common_noise = is_common_noise(&untouched[0], &self.blocks[0], stages.rate_hz(), asked);
+            if common_noise {
                 self.blocks = untouched;
                 *stages = plain;
             }
@@ -95,7 +95,7 @@ impl Gathering {
                 buffer.push(block.channel(c));
             }
         }
-        Head { block: Block::joined(&self.blocks), buffers, shared_noise }
+        Head { block: Block::joined(&self.blocks), buffers, common_noise }
     }
 }
 
@@ -105,7 +105,7 @@ const ENOUGH_SATELLITES: usize = 8;
 /// Signal that a mirrored spectrum is looked for in, s.
 const MIRROR_S: f64 = 0.1;
 
-/// What the head shows.
+/// Results of the head.
 pub(super) struct HeadFound {
     pub(super) found: Vec<Found>,
     /// With an array.
@@ -119,13 +119,13 @@ pub(super) fn acquire_head(
     options: &ReceiverOptions,
     refine: u64,
     interference: Option<&Interference>,
-    tell: &mut Tell,
+    emit: &mut Emit,
 ) -> Result<HeadFound, ReceiverError> {
     let whole_ms = (head.block.len() as f64 / rate_hz * 1e3 + 1e-6).floor() as usize;
     let mut asked = options.search.clone();
     asked.coherent_ms = asked.coherent_ms.min(whole_ms).max(1);
     let mut surveyed = None;
-    let searched = if head.shared_noise { 1 } else { head.block.channels() };
+    let searched = if head.common_noise { 1 } else { head.block.channels() };
     if searched > 1 {
         let survey = survey(&head.block, rate_hz, interference, options)?;
         asked.satellites.retain(|t| survey.cells.iter().all(|c| c.transmission != *t));
@@ -148,25 +148,25 @@ pub(super) fn acquire_head(
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
     let region = |end: u64| Region { block, buffers, beams, rate_hz, start: 0, end };
-    // In 0.1 s even the code of a mirrored satellite stays within a chip of where it is expected.
+    // In 0.1 s even the code of a mirrored satellite stays within a chip of its expected phase.
     let short = refine.min((MIRROR_S * rate_hz) as u64);
     let mut found = region(short).refine_all(&cells, &asked);
     let refined: Vec<Refined> = found.iter().map(|f| f.refined).collect();
     if is_mirrored(&refined) {
-        tell(Event::Notice(Notice::Mirrored));
+        emit(Event::Notice(Notice::Mirrored));
     } else {
         let mut end = refine;
         if let Some(slip) = find_missing_samples(head.block.channel(0), rate_hz, &cells) {
-            tell(Event::Notice(Notice::Slip { slip, rate_hz }));
+            emit(Event::Notice(Notice::Slip { slip, rate_hz }));
             end = end.min(slip.after);
         }
         found = region(end).refine_all(&cells, &asked);
     }
-    tell(Event::Found(found.iter().map(|f| f.refined).collect()));
+    emit(Event::Found(found.iter().map(|f| f.refined).collect()));
     let sky = (head.block.channels() > 1).then(|| {
         let mut sky = ArraySky::default();
         if let Some(survey) = surveyed {
-            survey.notices.into_iter().for_each(|notice| tell(Event::Notice(notice)));
+            survey.notices.into_iter().for_each(|notice| emit(Event::Notice(notice)));
             sky = survey.sky;
         }
         see(sky, &found, rate_hz, interference, options)

@@ -1,18 +1,18 @@
-//! Whether what the elements have in common is a jammer, or noise that they share.
+//! Whether a strong common component of the elements is a jammer, or common noise.
 
 use super::find::search;
 use crate::acquisition::SearchOptions;
 use crate::capture::Block;
 
-/// Signal by which it is judged, s.
+/// Signal that is searched, s.
 const JUDGED_S: f64 = 0.025;
 
-/// Satellites below this C/N0 do not count for that, dB-Hz: noise that the elements share makes some.
+/// Satellites below this C/N0 do not count, dB-Hz: common noise makes false ones.
 const SOUND_DBHZ: f64 = 30.0;
 
-/// Whether one element of an array as it is shows more satellites (of those `asked` for) than all elements do
-/// without what looked like a jammer: then that was the elements' common noise, and should stay.
-pub(super) fn share_noise(
+/// Whether one `untouched` element shows more satellites (of those `asked` for) than all elements after the removal
+/// of a supposed jammer: then that was common noise of the elements, and should not be removed.
+pub(super) fn is_common_noise(
     untouched: &Block,
     cleaned: &Block,
     rate_hz: f64,

@@ -7,6 +7,7 @@ mod event;
 mod find;
 mod head;
 mod judge;
+mod record;
 mod recorder;
 mod resolve;
 mod sky;
@@ -18,7 +19,8 @@ mod track;
 mod tracker;
 
 pub use event::{Event, NoFix, Notice};
-pub use recorder::{Record, Recorder};
+pub use record::Record;
+pub use recorder::Recorder;
 pub use resolve::Tracks;
 pub use snapshot::SnapshotHead;
 
@@ -39,7 +41,7 @@ use stages::Stages;
 use survey::survey;
 use tracker::Tracker;
 
-/// Signal that the first search and its refinement see, s.
+/// Signal that the first search and its refinement use, s.
 const HEAD_S: f64 = 1.0;
 
 /// Signal that a refinement uses, s: a Doppler that changes by 10 Hz/s turns the carrier by no more than
@@ -52,7 +54,7 @@ const CHUNK_S: f64 = 0.1;
 /// Recordings shorter than this are snapshots: they hold no subframe.
 const SHORTEST_TRACK_S: f64 = 6.0;
 
-/// What a run is to do.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct ReceiverOptions {
     /// The first search.
@@ -63,28 +65,28 @@ pub struct ReceiverOptions {
     pub positioning: PositioningOptions,
     /// Navigation data known beforehand.
     pub navigation: NavigationData,
-    /// GPS time of the first sample, as well as it is known; without it a snapshot's time is searched for
-    /// wherever the navigation data reach.
+    /// Approximate GPS time of the first sample; without it a snapshot's time is searched for wherever the
+    /// navigation data are valid.
     pub time: Option<GpsTime>,
     /// Time between fixes, s.
     pub interval_s: f64,
-    /// The antenna array whose elements the channels are, where it is known: directions need it, finding and
+    /// The antenna array whose elements the channels are, where it is known: directions need it, acquisition and
     /// tracking do not.
     pub array: Option<ArrayDescription>,
     /// How an array looks for sources.
     pub look: LookOptions,
     /// How an array's beams to the satellites are made.
     pub beams: BeamKind,
-    /// What is done about impulsive noise, before anything else.
+    /// Suppression of impulsive noise, the first stage.
     pub suppression: Suppression,
-    /// Integer factor by which the rate is lowered then.
+    /// Integer factor by which the rate is lowered after that.
     pub decimation: usize,
-    /// For how long measurements are kept, s: what [`Receiver::finish`] gives reaches back so far.
+    /// Time for which measurements are kept, s, also in what [`Receiver::finish`] gives.
     pub history_s: f64,
 }
 
 impl Default for ReceiverOptions {
-    /// A cold start: the defaults of all stages, nothing known, a fix each second.
+    /// A cold start with the defaults of all stages and a fix each second.
     fn default() -> Self {
         Self {
             search: SearchOptions::default(),
@@ -122,7 +124,7 @@ pub enum ReceiverError {
         /// Channels of the capture.
         channels: usize,
     },
-    /// A block is not of the stream.
+    /// A block does not fit the stream.
     #[error(
         "a block has {found} channels, but the stream has {channels}: push blocks of one stream"
     )]
@@ -134,8 +136,8 @@ pub enum ReceiverError {
     },
 }
 
-/// Where events go.
-type Tell<'a> = dyn FnMut(Event) + Send + 'a;
+/// Consumer of events.
+type Emit<'a> = dyn FnMut(Event) + Send + 'a;
 
 /// How far a run goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,17 +147,17 @@ pub enum Task {
         /// Seconds of signal.
         seconds: f64,
     },
-    /// The sky as the samples of the first seconds show it without a search: sources and directions, signals in
-    /// the code periods, and the satellites that they turn out to be.
+    /// Sources in the first seconds without a search: directions without codes, signals by their code periods,
+    /// and the satellites among them.
     Look {
         /// Seconds of signal.
         seconds: f64,
     },
-    /// Satellites found and followed to the end, positions as soon as there is enough for them.
+    /// Acquisition, tracking to the end, and positions as soon as possible.
     Track,
 }
 
-/// A receiver that samples stream through, block by block, and that tells [`Event`]s while they do.
+/// A receiver that takes samples block by block and reports [`Event`]s.
 ///
 /// The events and what is left at the end do not depend on how the stream was cut into blocks, nor on the number of
 /// threads. Memory does not grow with the stream but for the measurements of the last
@@ -172,15 +174,15 @@ pub enum Task {
 /// let mut source = ScenarioSource::new(&scenario)?;
 /// let mut receiver = Receiver::new(source.info(), ReceiverOptions::default(), Task::Track)?;
 /// let (mut block, mut satellites) = (Block::default(), 0);
-/// let mut tell = |event: Event| {
+/// let mut count = |event: Event| {
 ///     if let Event::Found(found) = event {
 ///         satellites = found.len();
 ///     }
 /// };
 /// while source.read(&mut block, 26_000)? > 0 {
-///     receiver.push(&mut block, &mut tell)?;
+///     receiver.push(&mut block, &mut count)?;
 /// }
-/// receiver.finish(&mut tell)?;
+/// receiver.finish(&mut count)?;
 /// assert_eq!(satellites, 8);
 /// # Ok(())
 /// # }
@@ -192,7 +194,7 @@ pub struct Receiver {
     stages: Stages,
     chunks: Chunks,
     state: State,
-    /// The next chunk, treated.
+    /// The next chunk, after all stages.
     next: Block,
     snapshot: Option<SnapshotHead>,
     /// Samples of the head, at the receiver's rate.
@@ -200,12 +202,12 @@ pub struct Receiver {
 }
 
 enum State {
-    Gathering(Gathering),
+    Gathering(Box<Gathering>),
     Tracking(Box<Tracker>),
     Done,
 }
 
-/// What is left of a run when the stream has ended.
+/// Results at the end of the stream.
 #[derive(Debug)]
 pub struct End {
     /// Samples a second at which the receiver worked.
@@ -239,7 +241,7 @@ impl Receiver {
             task,
             info: info.clone(),
             chunks: Chunks::new((CHUNK_S * info.rate_hz).ceil() as usize),
-            state: State::Gathering(Gathering::new(seconds, &stages)),
+            state: State::Gathering(Box::new(Gathering::new(seconds, &stages))),
             stages,
             next: Block::default(),
             snapshot: None,
@@ -268,13 +270,13 @@ impl Receiver {
         &self.options
     }
 
-    /// Takes the next samples of the stream, of any number, and tells what came of them; up to 0.2 s of signal
-    /// later. The block may be exchanged for another. Cost: satellites are followed in parallel, one pass over the
+    /// Takes the next samples of the stream, of any number, and reports events, up to 0.2 s of signal later. The
+    /// block may be exchanged for another. Cost: satellites are followed in parallel, one pass over the
     /// samples each, beside the conditioning of the next chunk.
     ///
     /// # Errors
     /// When the block has not the channels of the stream, or the search is impossible.
-    pub fn push(&mut self, block: &mut Block, tell: &mut Tell) -> Result<(), ReceiverError> {
+    pub fn push(&mut self, block: &mut Block, emit: &mut Emit) -> Result<(), ReceiverError> {
         let (found, channels) = (block.channels(), self.info.channels);
         if found != channels && !block.is_empty() {
             return Err(ReceiverError::Channels { found, channels });
@@ -283,22 +285,22 @@ impl Receiver {
         let len = block.len();
         while used < len && !self.is_done() {
             if self.chunks.take(block, &mut used) {
-                self.take_chunk(tell)?;
+                self.take_chunk(emit)?;
             }
         }
         Ok(())
     }
 
-    /// Ends the stream: tells what is still to be told, and gives what the whole of it measured.
+    /// Ends the stream: reports the last events, and gives the measurements of the whole stream.
     ///
     /// # Errors
     /// When the search of a stream that ends with its start is impossible.
-    pub fn finish(mut self, tell: &mut Tell) -> Result<End, ReceiverError> {
+    pub fn finish(mut self, emit: &mut Emit) -> Result<End, ReceiverError> {
         if self.chunks.rest() {
-            self.take_chunk(tell)?;
+            self.take_chunk(emit)?;
         }
         if matches!(self.state, State::Gathering(_)) {
-            self.begin(true, tell)?;
+            self.begin(true, emit)?;
         }
         let mut end = End {
             rate_hz: self.stages.rate_hz(),
@@ -309,27 +311,27 @@ impl Receiver {
         };
         if let State::Tracking(mut tracker) = self.state {
             tracker.advance();
-            tracker.settle(self.stages.interference(), &self.options, tell)?;
-            end.tracks = Some(tracker.finish(tell));
+            tracker.settle(self.stages.interference(), &self.options, emit)?;
+            end.tracks = Some(tracker.finish(emit));
         }
         Ok(end)
     }
 
     /// Takes the chunk that has been gathered.
-    fn take_chunk(&mut self, tell: &mut Tell) -> Result<(), ReceiverError> {
+    fn take_chunk(&mut self, emit: &mut Emit) -> Result<(), ReceiverError> {
         let (stages, next) = (&mut self.stages, &mut self.next);
         let raw = self.chunks.chunk();
         match &mut self.state {
             State::Gathering(gathering) => {
                 if gathering.take(raw, stages) {
                     let ends = self.info.samples == Some(self.chunks.position());
-                    self.begin(ends, tell)?;
+                    self.begin(ends, emit)?;
                 }
             }
             State::Tracking(tracker) => {
-                // While the channels follow what is there, the next chunk is conditioned.
+                // While the channels track, the next chunk is conditioned.
                 rayon::join(|| stages.treat(raw, next), || tracker.advance());
-                tracker.settle(stages.interference(), &self.options, tell)?;
+                tracker.settle(stages.interference(), &self.options, emit)?;
                 if !next.is_empty() {
                     tracker.take(next);
                 }
@@ -339,8 +341,8 @@ impl Receiver {
         Ok(())
     }
 
-    /// Searches the head, which may be all there is, and starts what the task asks for.
-    fn begin(&mut self, is_all: bool, tell: &mut Tell) -> Result<(), ReceiverError> {
+    /// Searches the head (of a short stream all of it), and starts the task.
+    fn begin(&mut self, is_all: bool, emit: &mut Emit) -> Result<(), ReceiverError> {
         let State::Gathering(gathering) = std::mem::replace(&mut self.state, State::Done) else {
             return Ok(());
         };
@@ -355,25 +357,25 @@ impl Receiver {
         let at_start =
             |sky: Option<ArraySky>| sky.map(|sky| Event::Sky(SkyEpoch { sample: 0, sky }));
         match self.task {
-            Task::Look { .. } if !head.shared_noise => {
-                let sky = look_at(&head, rate_hz, interference, options, tell)?;
-                at_start(Some(sky)).into_iter().for_each(tell);
+            Task::Look { .. } if !head.common_noise => {
+                let sky = look_at(&head, rate_hz, interference, options, emit)?;
+                at_start(Some(sky)).into_iter().for_each(emit);
             }
             Task::Acquire { .. } | Task::Look { .. } => {
-                let shown = acquire_head(&head, rate_hz, options, length, interference, tell)?;
-                at_start(shown.sky).into_iter().for_each(tell);
+                let shown = acquire_head(&head, rate_hz, options, length, interference, emit)?;
+                at_start(shown.sky).into_iter().for_each(emit);
             }
             Task::Track => {
                 let samples = length.min((REFINE_S * rate_hz) as u64);
-                let shown = acquire_head(&head, rate_hz, options, samples, interference, tell)?;
-                at_start(shown.sky).into_iter().for_each(&mut *tell);
+                let shown = acquire_head(&head, rate_hz, options, samples, interference, emit)?;
+                at_start(shown.sky).into_iter().for_each(&mut *emit);
                 let known = self.stages.info().samples;
                 let is_all =
                     is_all || known.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
                 self.snapshot = Some(SnapshotHead { samples, rate_hz, is_all });
                 if !is_all {
                     let tracker =
-                        Tracker::new(head, &shown.found, interference, rate_hz, options, tell);
+                        Tracker::new(head, &shown.found, interference, rate_hz, options, emit);
                     self.state = State::Tracking(Box::new(tracker));
                 }
             }
@@ -382,25 +384,25 @@ impl Receiver {
     }
 }
 
-/// The sky that the samples show without a search.
+/// The sources without a search.
 fn look_at(
     head: &Head,
     rate_hz: f64,
     interference: Option<&Interference>,
     options: &ReceiverOptions,
-    tell: &mut Tell,
+    emit: &mut Emit,
 ) -> Result<ArraySky, ReceiverError> {
     let survey = survey(&head.block, rate_hz, interference, options)?;
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
     let region = Region { block, buffers, beams, rate_hz, start: 0, end: block.len() as u64 };
     let found = region.refine_all(&survey.cells, &options.search);
-    tell(Event::Found(found.iter().map(|f| f.refined).collect()));
-    survey.notices.into_iter().for_each(|notice| tell(Event::Notice(notice)));
+    emit(Event::Found(found.iter().map(|f| f.refined).collect()));
+    survey.notices.into_iter().for_each(|notice| emit(Event::Notice(notice)));
     Ok(see(survey.sky, &found, rate_hz, interference, options))
 }
 
-/// A source read to its end, or as far as the task needs it, into the record of the run.
+/// The record of a source, read to its end or as far as the task needs it.
 fn run(
     source: &mut dyn SampleSource,
     options: &ReceiverOptions,
@@ -409,7 +411,7 @@ fn run(
 ) -> Result<Record, ReceiverError> {
     let mut receiver = Receiver::new(source.info(), options.clone(), task)?;
     let mut recorder = Recorder::default();
-    let mut tell = |event: Event| recorder.take(&event);
+    let mut emit = |event: Event| recorder.take(&event);
     let chunk = receiver.chunk();
     let (mut block, mut next) = (Block::default(), Block::default());
     source.read(&mut block, chunk)?;
@@ -417,13 +419,13 @@ fn run(
         // While the receiver works, the next chunk is read. (A source that waits for a thread which itself needs
         // rayon's must not be read so: it would wait for itself.)
         let (read, pushed) =
-            rayon::join(|| source.read(&mut next, chunk), || receiver.push(&mut block, &mut tell));
+            rayon::join(|| source.read(&mut next, chunk), || receiver.push(&mut block, &mut emit));
         pushed?;
         progress(receiver.samples());
         read?;
         std::mem::swap(&mut block, &mut next);
     }
-    let end = receiver.finish(&mut tell)?;
+    let end = receiver.finish(&mut emit)?;
     Ok(recorder.finish(end, options, source.notes()))
 }
 
@@ -451,7 +453,7 @@ pub fn look(
     run(source, options, Task::Look { seconds }, &mut |_| ())
 }
 
-/// [`Task::Track`] on a source. `progress` is told the samples done after each chunk.
+/// [`Task::Track`] on a source. `progress` is given the samples done after each chunk.
 ///
 /// # Errors
 /// When the source fails, or those of [`Receiver::push`].

@@ -1,59 +1,22 @@
-//! The record of a whole run: a consumer of the receiver's events.
+//! The record of a whole run, from the receiver's events.
 
-use super::event::{Event, NoFix, Notice};
+use super::event::{Event, Notice};
+use super::record::Record;
 use super::resolve::Resolved;
 use super::sky::judge_sky;
 use super::snapshot::solve_snapshot_head;
 use super::{End, ReceiverOptions};
-use crate::acquisition::Refined;
-use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::Note;
-use crate::front_end::ImpulseReport;
-use crate::gnss::message::sbas;
-use crate::gnss::observation::ObservationEpoch;
-use crate::gnss::{NavigationData, Sv};
-use crate::position::Fix;
 
-/// What a run found.
-#[derive(Clone, Debug, Default)]
-pub struct Record {
-    /// Satellites found at the start, refined over it, strongest first.
-    pub acquisitions: Vec<Refined>,
-    /// Measurements at the common instants, in order of time.
-    pub epochs: Vec<ObservationEpoch>,
-    /// Positions, in order of time.
-    pub fixes: Vec<Fix>,
-    /// Navigation data, known and decoded.
-    pub navigation: NavigationData,
-    /// Navigation data that came from the signals alone.
-    pub decoded: NavigationData,
-    /// The newest message of each type of each SBAS satellite.
-    pub sbas: Vec<(Sv, sbas::Message)>,
-    /// Signal from the first sample on that the first fix needed, s.
-    pub first_fix_s: Option<f64>,
-    /// Samples of each channel, at the receiver's rate.
-    pub samples: u64,
-    /// The satellites as an array sees them; absent with one channel.
-    pub sky: Option<ArraySky>,
-    /// The same while they are tracked, about once a second.
-    pub sky_epochs: Vec<SkyEpoch>,
-    /// Impulsive noise, where some was found and suppressed.
-    pub noise: Option<ImpulseReport>,
-    /// What a person should know.
-    pub notices: Vec<Notice>,
-    /// Why there is no fix, where there is none.
-    pub reason: Option<NoFix>,
-}
-
-/// Gathers a [`Record`]. Fixes and observations as they were told are not kept: in the end all instants are solved
-/// once more, with the navigation data of the whole run.
+/// Gathers a [`Record`]. Fixes and observations of events are not kept: at the end all instants are solved again,
+/// with the navigation data of the whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     record: Record,
 }
 
 impl Recorder {
-    /// Takes what the receiver tells.
+    /// Takes an event.
     pub fn take(&mut self, event: &Event) {
         let record = &mut self.record;
         match event {
@@ -65,7 +28,7 @@ impl Recorder {
         }
     }
 
-    /// The record, when the stream has ended. `sources`: what the source notes of its samples.
+    /// The record, when the stream has ended. `sources`: the notes of the source.
     pub fn finish(self, end: End, options: &ReceiverOptions, sources: Vec<Note>) -> Record {
         let mut record = self.record;
         let found = record.acquisitions.len();
@@ -84,7 +47,7 @@ impl Recorder {
         }
         let unread = record.fixes.is_empty() && !options.navigation.is_empty();
         if let Some(snapshot) = end.snapshot.filter(|s| s.is_all || unread) {
-            // Where no message could be read, the start of the recording is a snapshot all the same.
+            // Where no message could be read, the start of the recording is used as a snapshot.
             let solved = solve_snapshot_head(&record.acquisitions, &snapshot, options);
             record.epochs.extend(solved.epoch);
             record.notices.extend(solved.notice);

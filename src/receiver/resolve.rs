@@ -1,4 +1,4 @@
-//! All instants of a recording solved once more, with the navigation data of the whole of it.
+//! All instants of a recording solved again, with the navigation data of the whole recording.
 
 use super::ReceiverOptions;
 use super::event::NoFix;
@@ -9,10 +9,10 @@ use crate::position::{Fix, PositioningError, solve_epoch};
 use crate::tracking::{TrackLog, observation_epochs};
 use rayon::prelude::*;
 
-/// Receive time of the first guess: flight time of the nearest satellite, s.
+/// Propagation time of the nearest satellite for the first receive time, s.
 const FLIGHT_S: f64 = 0.068;
 
-/// What all tracks of a stream measured, a few numbers for each satellite and instant.
+/// Measurements of all tracks of a stream, a few numbers for each satellite and instant.
 #[derive(Clone, Debug)]
 pub struct Tracks {
     pub(super) logs: Vec<TrackLog>,
@@ -20,16 +20,16 @@ pub struct Tracks {
     pub(super) samples: u64,
     pub(super) decoded: NavigationData,
     /// The newest message of each type of each SBAS satellite.
-    pub(super) sbas: Vec<(Sv, sbas::Message)>,
-    /// Signal after which four satellites were dated and had ephemerides, s.
+    pub(super) sbas: Vec<(Sv, sbas::SbasMessage)>,
+    /// Signal after which four satellites had transmission times and ephemerides, s.
     pub(super) ready_s: Option<f64>,
 }
 
-/// What came of them.
+/// The solutions.
 pub(super) struct Resolved {
     pub(super) epochs: Vec<ObservationEpoch>,
     pub(super) fixes: Vec<Fix>,
-    /// Where there is no fix.
+    /// Why there is no fix.
     pub(super) reason: Option<NoFix>,
 }
 
@@ -64,8 +64,8 @@ impl Tracks {
     }
 }
 
-/// Receive time of sample 0, from the earliest instant that is dated: the satellites' time and a guess
-/// of the flight time. The week comes from the navigation data, or from `time`.
+/// Receive time of sample 0, from the earliest instant with a transmission time: that time and an assumed
+/// propagation time. The week comes from the navigation data, or from `time`.
 pub(super) fn receive_origin(
     logs: &[&TrackLog],
     navigation: &NavigationData,
@@ -81,7 +81,7 @@ pub(super) fn receive_origin(
     Some(received - sample as f64 / rate_hz)
 }
 
-/// To the 0.1 us that RINEX prints.
+/// Rounded to 0.1 us, as in RINEX.
 pub(super) fn round_time(t: GpsTime) -> GpsTime {
     let (_, fraction) = t.parts();
     t + ((fraction * 1e7).round() / 1e7 - fraction)

@@ -1,10 +1,9 @@
-//! What an array says of the satellites: where each comes from, at the start and at every fix, and whether it
-//! should.
+//! Directions of the satellites by an array, at the start and during tracking, compared with those of the orbits.
 
 use super::ReceiverOptions;
 use super::event::Notice;
 use super::find::Found;
-use super::recorder::Record;
+use super::record::Record;
 use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::gnss::Sv;
@@ -12,10 +11,10 @@ use crate::gnss::antenna::direction;
 use crate::position::{Fix, Residual};
 use nalgebra::{Unit, Vector3};
 
-/// A sky in which something is suspect is reported when it stays so for this many looks, a second apart.
+/// Suspect directions are reported when they stay so for this many looks, a second apart.
 const CONFIRMING_LOOKS: usize = 3;
 
-/// The sky with the signatures of the satellites found.
+/// The sources with the signatures of the satellites found.
 pub(super) fn see(
     mut sky: ArraySky,
     found: &[Found],
@@ -30,7 +29,7 @@ pub(super) fn see(
     sky
 }
 
-/// The array's manifold, where its geometry is known, as the samples show it beside jammers.
+/// The array's manifold, where its geometry is known, after the removal of jammers.
 pub(super) fn manifold(
     interference: Option<&Interference>,
     options: &ReceiverOptions,
@@ -39,8 +38,8 @@ pub(super) fn manifold(
     Some(interference.map_or(whole.clone(), |i| whole.beside(&i.subspace)))
 }
 
-/// Compares the array's sky at the start with the first fix, and that of each later look with the fix nearest
-/// in time; warns of what is suspect from the start, or from when on.
+/// Compares the array's directions at the start with the first fix, and those of each later look with the fix
+/// nearest in time; warns of suspect directions, with the time of their beginning.
 pub(super) fn judge_sky(record: &mut Record, rate_hz: f64, options: &ReceiverOptions) {
     let Some(sky) = &mut record.sky else { return };
     if let Some(array) = &options.array {

@@ -1,4 +1,4 @@
-//! A position from the start of a recording alone.
+//! A position from a snapshot: the start of a recording.
 
 use super::ReceiverOptions;
 use super::event::{NoFix, Notice};
@@ -7,18 +7,18 @@ use crate::gnss::GpsTime;
 use crate::gnss::observation::ObservationEpoch;
 use crate::position::{Fix, TimeSearch, solve_snapshot};
 
-/// The stretch of samples that a snapshot is made of.
+/// The samples of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SnapshotHead {
     /// Its samples, from the first of the stream on.
     pub samples: u64,
     /// Samples a second.
     pub rate_hz: f64,
-    /// Whether there is no more to the recording.
+    /// Whether these are all samples of the recording.
     pub is_all: bool,
 }
 
-/// What came of it.
+/// The solution.
 pub(super) struct Solved {
     pub(super) epoch: Option<ObservationEpoch>,
     pub(super) fix: Result<Fix, NoFix>,
@@ -36,7 +36,7 @@ pub(super) fn solve_snapshot_head(
     if found == 0 {
         return refused(NoFix::NothingFound);
     }
-    // Without a time any instant serves as the origin of the search.
+    // Without a time any instant can be the origin of the search.
     let Some(origin) = options.navigation.iter().next().map(|e| e.toe) else {
         return refused(NoFix::NoOrbits { found });
     };
@@ -62,7 +62,7 @@ pub(super) fn solve_snapshot_head(
     }
 }
 
-/// The part of a window of time that was not searched, where it matters.
+/// The part of the time window that was not searched, where it is more than rounding.
 fn left_out(search: &TimeSearch) -> Option<Notice> {
     let hours = search.left_out_s / 3600.0;
     (hours.is_finite() && hours > 1.0 / 60.0).then_some(Notice::TimeLeftOut(hours))

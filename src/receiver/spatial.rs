@@ -1,4 +1,4 @@
-//! What an array needs before anything else: equal noise in all elements, and no jammer.
+//! First stage of an array: equal noise in all elements, and removal of jammers.
 
 use crate::array::CMat;
 use crate::array::covariance::covariance;
@@ -6,13 +6,13 @@ use crate::array::sky::interference::Interference;
 use crate::capture::Block;
 use num_complex::{Complex32, Complex64};
 
-/// Samples of a block that jammers are looked for in.
+/// Samples of a block in which jammers are searched.
 const LOOK: usize = 1 << 15;
 
 /// Equalises the elements' noise, and removes jammers, block by block.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SpatialFilter {
-    /// Gain that brings each element's noise to that of the first; from the first block.
+    /// Gain that makes each element's noise that of the first; from the first block.
     gains: Vec<Complex64>,
     interference: Option<Interference>,
 }
@@ -51,7 +51,7 @@ pub(super) fn head_covariance(block: &Block) -> CMat {
     covariance(&looked)
 }
 
-/// Median power of the samples: impulses do not move it.
+/// Median power of the samples: robust against impulses.
 fn floor(samples: &[Complex32]) -> f64 {
     let mut powers: Vec<f32> = samples.iter().take(LOOK).map(Complex32::norm_sqr).collect();
     let middle = powers.len() / 2;

@@ -1,4 +1,4 @@
-//! What is done to each block of samples before anything is searched or tracked in it.
+//! Treatment of each block of samples before acquisition and tracking.
 
 use super::spatial::SpatialFilter;
 use super::{ReceiverError, ReceiverOptions};
@@ -7,7 +7,7 @@ use crate::capture::{Block, StreamInfo};
 use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
 use num_complex::Complex64;
 
-/// Jammers removed, impulses suppressed, brought to baseband and lowered in rate, calibrated; in this order.
+/// Removal of jammers, suppression of impulses, conversion to baseband with decimation, calibration; in this order.
 #[derive(Clone)]
 pub(super) struct Stages {
     real: bool,
@@ -63,7 +63,7 @@ impl Stages {
         self.spatial.as_ref()?.interference()
     }
 
-    /// What was found of impulses so far.
+    /// Impulsive noise found so far.
     pub(super) fn noise(&self) -> Option<ImpulseReport> {
         self.suppressor.report()
     }

@@ -1,4 +1,4 @@
-//! The first look at an array's samples: sources by their directions, and satellites by their code periods.
+//! Sources at the start of a stream: directions without codes, and signals by their code periods.
 
 use super::CHUNK_S;
 use super::ReceiverOptions;
@@ -10,14 +10,13 @@ use crate::array::{ArraySky, BlindCount, LookError, Manifold, look};
 use crate::capture::Block;
 use num_complex::Complex32;
 
-/// Code periods that are decomposed: of an array, and of one antenna.
+/// Code periods in the decomposition: of an array, and of one antenna.
 const PERIODS: usize = 20;
 const PERIODS_OF_ONE: usize = 100;
-/// Most rows, elements x periods, of the decomposition: its time grows with their cube.
+/// Maximum number of rows, elements x periods, of the decomposition: its time grows with their cube.
 const MOST_ROWS: usize = 512;
 
-/// What the survey found: the sky as far as it is known before any satellite is despread, the satellites, and
-/// what a person should know.
+/// Results of the survey: sources before despreading, satellites, and notices.
 pub(super) struct Survey {
     pub(super) sky: ArraySky,
     pub(super) cells: Vec<Acquisition>,
@@ -42,7 +41,7 @@ pub(super) fn survey(
         let manifold = Manifold::new(array.in_enu());
         match look(&first(CHUNK_S), &manifold, interference, &options.look) {
             Ok(picture) => survey.sky.picture = Some(picture),
-            // Elements in one place, or a dead recording: the rest of the receiver does without.
+            // Elements at one position, or samples of zeros: the rest of the receiver does without directions.
             Err(error @ (LookError::Jane(_) | LookError::NoNoise | LookError::Sparse(_))) => {
                 survey.notices.push(Notice::NoDirections(error.to_string()));
             }

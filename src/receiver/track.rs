@@ -1,4 +1,4 @@
-//! One satellite being followed: its beam, its loops, its message, what it measured.
+//! One satellite in track: its beam, loops, message and measurements.
 
 use super::find::{BeamFormer, Found};
 use crate::array::code_periods::despread;
@@ -10,11 +10,11 @@ use crate::gnss::{Sv, Transmission};
 use crate::tracking::{Channel, Epoch, LockState, Symbol, TrackLog, TrackStart, TrackingOptions};
 use num_complex::Complex32;
 
-/// Variance (of a response of 1) up to which a beam follows a signature: C/N0 of some 22 dB-Hz in a chunk. What
-/// noise alone passes for has 0.3 and more, so that a beam stays where it was while its satellite is hidden.
+/// Variance (of a response of 1) up to which a beam follows a signature: C/N0 of some 22 dB-Hz in a chunk. Noise
+/// alone gives 0.3 and more, so that a beam is not moved while its satellite is obstructed.
 const CLEAR_SIGNATURE: f64 = 0.1;
 
-/// The beam to a satellite, and what comes out of it.
+/// The beam to a satellite, and its output.
 struct BeamFeed {
     beam: Beam,
     samples: Vec<Complex32>,
@@ -35,18 +35,18 @@ impl BeamFeed {
     }
 }
 
-/// One satellite being followed.
+/// One satellite in track.
 pub(super) struct Track {
-    /// With an array; else the samples of the one channel are those of all.
+    /// With an array; else all tracks use the samples of the one channel.
     feed: Option<BeamFeed>,
     channel: Channel,
-    /// None of a pilot.
+    /// `None` for a pilot.
     decoder: Option<Box<dyn MessageDecoder>>,
     pub(super) log: TrackLog,
     epochs: Vec<Epoch>,
     symbols: Vec<Symbol>,
-    /// What the channel said last of its lock.
-    told: LockState,
+    /// State of lock when last asked.
+    reported: LockState,
 }
 
 impl Track {
@@ -67,7 +67,7 @@ impl Track {
             log: TrackLog::new(transmission),
             epochs: Vec::new(),
             symbols: Vec::new(),
-            told: LockState::PullingIn,
+            reported: LockState::PullingIn,
         }
     }
 
@@ -86,10 +86,10 @@ impl Track {
     /// The state of lock where it is another than when last asked.
     pub(super) fn changed_lock(&mut self) -> Option<LockState> {
         let now = self.channel.lock();
-        (std::mem::replace(&mut self.told, now) != now).then_some(now)
+        (std::mem::replace(&mut self.reported, now) != now).then_some(now)
     }
 
-    /// Takes in the next samples of an array; those of one channel are shared.
+    /// Takes the next samples of an array.
     pub(super) fn take(&mut self, chunk: &Block) {
         if let Some(feed) = &mut self.feed
             && feed.buffer.end() <= chunk.first_sample()
@@ -98,13 +98,13 @@ impl Track {
         }
     }
 
-    /// Follows the satellite through all samples held, of channel 0 in `buffer`, and measures it at the instants
+    /// Tracks the satellite through all samples held, of channel 0 in `buffer`, and measures it at the instants
     /// among them.
     pub(super) fn advance(&mut self, buffer: &SampleBuffer, instants: &[u64]) {
         self.epochs.clear();
         let buffer = match &mut self.feed {
             Some(feed) => {
-                // What was processed before is needed no more but for the period that lay open.
+                // Earlier samples are needed only from the start of the unfinished period.
                 feed.buffer.discard_before(buffer.first_sample());
                 &feed.buffer
             }
@@ -114,8 +114,8 @@ impl Track {
         self.log.extend(&self.epochs, &self.channel.quality(), instants);
     }
 
-    /// Turns the beam to where the satellite is in the newest chunk, which has been tracked, and gives what the
-    /// elements see of it if that is clear. Cost: one pass over the chunk's channels.
+    /// Steers the beam to the satellite's signature in the newest chunk, which has been tracked, and gives the
+    /// signature if its variance is small. Cost: one pass over the chunk's channels.
     pub(super) fn follow(
         &mut self,
         buffers: &[SampleBuffer],
@@ -137,9 +137,12 @@ impl Track {
         Some((transmission, signature))
     }
 
-    /// Hands the new symbols to the decoder, and what it gives to the collector; gives what is new.
+    /// Decodes the new symbols; gives what is new in the collector.
     pub(super) fn decode(&mut self, collector: &mut NavigationCollector) -> Vec<Update> {
-        let Some(decoder) = &mut self.decoder else { return Vec::new() };
+        let Some(decoder) = &mut self.decoder else {
+            self.symbols.clear();
+            return Vec::new();
+        };
         let cycle = self.log.transmission.timing().cycle as u64;
         let mut news = Vec::new();
         for symbol in self.symbols.drain(..) {

@@ -1,5 +1,5 @@
-//! All satellites followed from the first sample to the last: found again when lost, their messages gathered,
-//! positions solved as soon as there is enough.
+//! All satellites in track from the first sample to the last: reacquisition, messages, and positions as soon as
+//! possible.
 
 use super::clock::ReceiverClock;
 use super::event::{Event, Notice};
@@ -8,7 +8,7 @@ use super::head::{Head, deep_windows};
 use super::resolve::{Tracks, receive_origin, round_time};
 use super::sky::manifold;
 use super::track::Track;
-use super::{CHUNK_S, ReceiverError, ReceiverOptions, Tell};
+use super::{CHUNK_S, Emit, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
 use crate::array::sky::interference::Interference;
 use crate::array::sky::look::jammers;
@@ -23,15 +23,15 @@ use crate::tracking::{LockState, TrackLog, observation_epoch};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// How often beams are turned to where their satellites are now, and lost satellites are searched again, s.
+/// Interval at which beams are steered to their satellites, and lost satellites are searched, s.
 const RETRY_S: f64 = 1.0;
-/// How often all that are not tracked are searched, s.
+/// Interval at which all satellites not in track are searched, s.
 const SEARCH_AGAIN_S: f64 = 30.0;
 
 /// Doppler interval around the last known one in which a lost satellite is searched, Hz.
 const RETRY_HZ: f64 = 500.0;
 
-/// Instants of a second at which a jump of all code phases counts as one slip of the samples.
+/// Jumps of code phases that differ by less than this count as one loss of samples, s.
 const SLIP_AGREEMENT_S: f64 = 1.5e-6;
 
 /// A satellite whose track ended.
@@ -40,14 +40,14 @@ struct Lost {
     doppler_hz: f64,
 }
 
-/// All that is followed, and all that was.
+/// All tracks, past and present.
 pub(super) struct Tracker {
     rate_hz: f64,
     /// Channels that a search sums.
     searched: usize,
     /// Jammers that are removed.
     interference: Option<Interference>,
-    /// The newest samples as correlators read them, by channel, and as they are.
+    /// The newest samples in buffers of correlators, by channel.
     buffers: Vec<SampleBuffer>,
     chunk: Block,
     clock: ReceiverClock,
@@ -58,33 +58,33 @@ pub(super) struct Tracker {
     collector: NavigationCollector,
     /// Navigation data known beforehand, and decoded.
     navigation: NavigationData,
-    /// When each satellite was first ready for a fix: dated, and its ephemeris known; s.
+    /// When each satellite first had transmission time and ephemeris, s.
     ready: BTreeMap<Sv, f64>,
-    /// Jumps of code phases seen when tracks were taken up again: sample, jump in s.
+    /// Jumps of code phases at reacquisition: sample, jump in s.
     jumps: Vec<(u64, f64)>,
     next_retry_s: f64,
     next_search_s: f64,
 }
 
 impl Tracker {
-    /// Follows what was found in the head, from its first sample on.
+    /// Tracks what was found in the head, from its first sample on.
     pub(super) fn new(
         head: Head,
         found: &[Found],
         interference: Option<&Interference>,
         rate_hz: f64,
         options: &ReceiverOptions,
-        tell: &mut Tell,
+        emit: &mut Emit,
     ) -> Self {
         let week = options.time.or_else(|| options.navigation.iter().map(|e| e.toe).next());
         let new = |f: &Found| Track::new(f, 0, &head.block, rate_hz, &options.tracking);
         let tracks: Vec<Track> = found.par_iter().map(new).collect();
         for track in &tracks {
-            tell(Event::Lock { sv: track.sv(), sample: 0, state: LockState::PullingIn });
+            emit(Event::Lock { sv: track.sv(), sample: 0, state: LockState::PullingIn });
         }
         Self {
             rate_hz,
-            searched: if head.shared_noise { 1 } else { head.block.channels() },
+            searched: if head.common_noise { 1 } else { head.block.channels() },
             interference: interference.cloned(),
             buffers: head.buffers,
             chunk: Block::default(),
@@ -102,12 +102,12 @@ impl Tracker {
         }
     }
 
-    /// Samples that were taken.
+    /// Samples taken so far.
     pub(super) fn samples(&self) -> u64 {
         self.buffers[0].end()
     }
 
-    /// Follows all satellites through the samples held.
+    /// Tracks all satellites through the samples held.
     pub(super) fn advance(&mut self) {
         let end = self.samples();
         self.clock.advance(self.buffers[0].first_sample(), end);
@@ -118,18 +118,18 @@ impl Tracker {
         });
     }
 
-    /// What follows when the tracks have come to the end of the samples held: messages are read, what is lost is
-    /// dropped and searched again, positions are solved. `now`: the jammers that are removed.
+    /// To be called when the tracks have reached the end of the samples held: reads messages, drops lost tracks and
+    /// searches them again, solves positions. `now`: the jammers that are removed.
     pub(super) fn settle(
         &mut self,
         now: Option<&Interference>,
         options: &ReceiverOptions,
-        tell: &mut Tell,
+        emit: &mut Emit,
     ) -> Result<(), ReceiverError> {
         let end = self.samples();
         let done_s = end as f64 / self.rate_hz;
-        self.decode(done_s, options, tell);
-        self.drop_lost(tell);
+        self.decode(done_s, options, emit);
+        self.drop_lost(emit);
         if done_s >= self.next_retry_s {
             self.next_retry_s = done_s + RETRY_S;
             let all = done_s >= self.next_search_s;
@@ -137,17 +137,17 @@ impl Tracker {
                 self.next_search_s = done_s + SEARCH_AGAIN_S;
             }
             if !self.chunk.is_empty() {
-                self.take_interference(now, done_s, options, tell);
-                self.follow(options, tell);
-                self.search_again(all, options, tell)?;
+                self.take_interference(now, done_s, options, emit);
+                self.follow(options, emit);
+                self.search_again(all, options, emit)?;
             }
         }
-        self.solve(options, tell);
+        self.solve(options, emit);
         self.forget(options.history_s);
         Ok(())
     }
 
-    /// Takes the next samples; those that no track needs any more go.
+    /// Takes the next samples and drops those that no track needs.
     pub(super) fn take(&mut self, chunk: &mut Block) {
         let end = self.samples();
         std::mem::swap(&mut self.chunk, chunk);
@@ -157,14 +157,14 @@ impl Tracker {
         }
     }
 
-    fn decode(&mut self, now_s: f64, options: &ReceiverOptions, tell: &mut Tell) {
+    fn decode(&mut self, now_s: f64, options: &ReceiverOptions, emit: &mut Emit) {
         let sample = self.samples();
         let mut news = false;
         for track in &mut self.tracks {
             let sv = track.sv();
             for update in track.decode(&mut self.collector) {
                 news |= matches!(update, Update::Ephemeris(_) | Update::IonosphereUtc);
-                tell(Event::Message { sv, sample, update });
+                emit(Event::Message { sv, sample, update });
             }
             let known = self.collector.data().satellites().any(|s| s == sv)
                 || options.navigation.satellites().any(|s| s == sv);
@@ -177,11 +177,11 @@ impl Tracker {
         }
     }
 
-    fn drop_lost(&mut self, tell: &mut Tell) {
+    fn drop_lost(&mut self, emit: &mut Emit) {
         let sample = self.samples();
         for track in &mut self.tracks {
             if let Some(state) = track.changed_lock() {
-                tell(Event::Lock { sv: track.sv(), sample, state });
+                emit(Event::Lock { sv: track.sv(), sample, state });
             }
         }
         let (lost, kept): (Vec<Track>, _) =
@@ -193,25 +193,25 @@ impl Tracker {
         }
     }
 
-    /// Jammers that came up since are reported.
+    /// Reports new jammers.
     fn take_interference(
         &mut self,
         now: Option<&Interference>,
         from_s: f64,
         options: &ReceiverOptions,
-        tell: &mut Tell,
+        emit: &mut Emit,
     ) {
         let before = self.interference.as_ref().map_or(0, Interference::count);
         let Some(now) = now.filter(|now| now.count() > before) else { return };
         let manifold = options.array.as_ref().map(|array| Manifold::new(array.in_enu()));
         let jammers = jammers(now, manifold.as_ref());
-        tell(Event::Interference { sample: self.samples(), jammers: jammers.clone() });
-        tell(Event::Notice(Notice::Interference { from_s, jammers }));
+        emit(Event::Interference { sample: self.samples(), jammers: jammers.clone() });
+        emit(Event::Notice(Notice::Interference { from_s, jammers }));
         self.interference = Some(now.clone());
     }
 
-    /// Turns the beams of an array to where the satellites are in the newest chunk, and tells where that is.
-    fn follow(&mut self, options: &ReceiverOptions, tell: &mut Tell) {
+    /// Steers the beams of an array to the satellites in the newest chunk, and reports the directions.
+    fn follow(&mut self, options: &ReceiverOptions, emit: &mut Emit) {
         let (buffers, chunk, rate_hz) = (&self.buffers, &self.chunk, self.rate_hz);
         if buffers.len() < 2 {
             return;
@@ -222,15 +222,15 @@ impl Tracker {
         let mut sky = ArraySky::default();
         sky.add(signatures, rate_hz, manifold(self.interference.as_ref(), options).as_ref());
         let sample = chunk.first_sample() + chunk.len() as u64 / 2;
-        tell(Event::Sky(SkyEpoch { sample, sky }));
+        emit(Event::Sky(SkyEpoch { sample, sky }));
     }
 
-    /// Searches the newest chunk for lost satellites, and for `all` others where asked.
+    /// Searches the newest chunk for lost satellites, and with `all` for all others.
     fn search_again(
         &mut self,
         all: bool,
         options: &ReceiverOptions,
-        tell: &mut Tell,
+        emit: &mut Emit,
     ) -> Result<(), AcquisitionError> {
         let (start, end) = (self.chunk.first_sample(), self.samples());
         let mut cells = Vec::new();
@@ -259,7 +259,7 @@ impl Tracker {
         for found in region.refine_all(&cells, &options.search) {
             let mut track = Track::new(&found, start, block, rate_hz, &options.tracking);
             track.advance(&buffers[0], self.clock.instants());
-            tell(Event::Lock { sv: track.sv(), sample: start, state: LockState::PullingIn });
+            emit(Event::Lock { sv: track.sv(), sample: start, state: LockState::PullingIn });
             if let Some(lost) = self.lost.remove(&track.log.transmission) {
                 if let Some(jump) = track.log.continue_from(&lost.log, rate_hz) {
                     self.jumps.push((start, jump));
@@ -279,9 +279,9 @@ impl Tracker {
         search(&self.chunk, self.rate_hz, options, self.searched, self.interference.as_ref(), &[])
     }
 
-    /// Solves the instants that all tracks have passed; before the first fix only the newest of them. The clock is
-    /// read by each fix.
-    fn solve(&mut self, options: &ReceiverOptions, tell: &mut Tell) {
+    /// Solves the instants that all tracks have passed; before the first fix only the newest of them. Each fix
+    /// sets the clock.
+    fn solve(&mut self, options: &ReceiverOptions, emit: &mut Emit) {
         let (rate_hz, end) = (self.rate_hz, self.samples());
         let reached = self.tracks.iter().map(|t| t.log.reached()).fold(f64::INFINITY, f64::min);
         let mut instants = self.clock.complete(reached.min(end as f64));
@@ -297,7 +297,7 @@ impl Tracker {
             else {
                 return;
             };
-            // The first solution tells the receiver's clock; times are then right to 0.1 us.
+            // The first solution gives the receiver's clock; times are then correct to 0.1 us.
             let origin = receive_origin(&logs, navigation, options.time, rate_hz);
             let bias_at = |o| solve(&epoch_at(newest, o)?).ok()?.clock_bias_s;
             let Some((origin, bias_s)) = origin.and_then(|o| Some((o, bias_at(o)?))) else {
@@ -310,13 +310,13 @@ impl Tracker {
         for sample in instants {
             let Some(epoch) = epoch_at(sample, origin) else { continue };
             let solved = solve(&epoch);
-            tell(Event::Observed(epoch));
+            emit(Event::Observed(epoch));
             match solved {
                 Ok(fix) => {
                     self.clock.steer(&fix, end);
-                    tell(Event::Fix(fix));
+                    emit(Event::Fix(fix));
                 }
-                Err(error) => tell(Event::NoFix { sample: sample as f64, error }),
+                Err(error) => emit(Event::NoFix { sample: sample as f64, error }),
             }
         }
     }
@@ -337,10 +337,10 @@ impl Tracker {
         }
     }
 
-    /// What is left when the stream has ended.
-    pub(super) fn finish(self, tell: &mut Tell) -> Tracks {
+    /// The measurements, when the stream has ended.
+    pub(super) fn finish(self, emit: &mut Emit) -> Tracks {
         if let Some(jump) = self.jump() {
-            tell(Event::Notice(jump));
+            emit(Event::Notice(jump));
         }
         let samples = self.samples();
         let mut logs = self.ended;
@@ -359,7 +359,7 @@ impl Tracker {
         }
     }
 
-    /// Jumps of three or more satellites that agree: samples are missing.
+    /// Equal jumps of three or more satellites: samples are missing.
     fn jump(&self) -> Option<Notice> {
         let mut jumps: Vec<f64> = self.jumps.iter().map(|j| j.1).collect();
         jumps.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Errors of fixes against a place that is known.
+//! Errors of fixes against a known position.
 
 use super::summary::quantile;
 use crate::gnss::coordinates::Geodetic;
@@ -6,21 +6,21 @@ use crate::position::Fix;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// A place that fixes are compared with.
+/// A known position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference<'a> {
-    /// The place, m, ECEF.
+    /// The position, m, ECEF.
     pub position_m: Vector3<f64>,
-    /// Who says so.
+    /// Its origin.
     pub source: &'a str,
 }
 
-/// How far fixes are from a place, m.
+/// Errors of fixes, m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// Who says where the place is.
+    /// Origin of the known position.
     pub reference: String,
-    /// The place, m, ECEF.
+    /// The known position, m, ECEF.
     pub reference_ecef_m: [f64; 3],
     /// Half of the fixes are within this distance.
     pub error_50_m: f64,
@@ -37,17 +37,17 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// Of the fixes; nothing if there is none.
+    /// The errors of the fixes; `None` without fixes.
     pub fn new(fixes: &[Fix], reference: &Reference) -> Option<Self> {
-        let place = reference.position_m;
-        let enu = Geodetic::from_ecef(&place).ecef_to_enu();
+        let truth_m = reference.position_m;
+        let enu = Geodetic::from_ecef(&truth_m).ecef_to_enu();
         let errors: Vec<Vector3<f64>> =
-            fixes.iter().map(|f| enu * (f.position_m - place)).collect();
+            fixes.iter().map(|f| enu * (f.position_m - truth_m)).collect();
         let of = |part: fn(&Vector3<f64>) -> f64, q| quantile(errors.iter().map(part).collect(), q);
         let mean: Vector3<f64> = errors.iter().sum::<Vector3<f64>>() / errors.len().max(1) as f64;
         Some(Self {
             reference: reference.source.to_owned(),
-            reference_ecef_m: place.into(),
+            reference_ecef_m: truth_m.into(),
             error_50_m: of(|e| e.norm(), 0.5)?,
             error_95_m: of(|e| e.norm(), 0.95)?,
             error_max_m: of(|e| e.norm(), 1.0)?,

@@ -1,4 +1,4 @@
-//! The sky as an antenna array sees it: as a table and as a JSON record.
+//! Sources and directions by an antenna array, as a table and as a JSON record.
 
 use super::Run;
 use crate::array::{ArraySky, Arrival, Bearing, Jammer, SatelliteArrival, Source};
@@ -36,22 +36,22 @@ impl From<Bearing> for BearingRecord {
     }
 }
 
-/// The array's sky as a record.
+/// Sources and directions as a record.
 #[derive(Clone, Debug, Serialize)]
 pub struct ArraySkyRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<usize>,
-    /// All that is known: satellites despread, and what no satellite explains.
+    /// All sources: satellites by their signatures, and others.
     sources: Vec<SourceRecord>,
-    /// By LDA-l1,1 and JANE on the covariance, before any code was known; absent where signals are too many.
+    /// Number by LDA-l1,1 and JANE on the covariance, without codes; absent where there are too many signals.
     #[serde(skip_serializing_if = "Option::is_none")]
     blind_sources: Option<Vec<SourceRecord>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     jammers: Vec<JammerRecord>,
-    /// By the singular values of the code periods, before any code was known.
+    /// Number by the singular values of the code periods, without codes.
     #[serde(skip_serializing_if = "Option::is_none")]
     signals: Option<usize>,
-    /// Found in them.
+    /// Satellites found in the singular vectors.
     #[serde(skip_serializing_if = "Option::is_none")]
     blind_satellites: Option<Vec<Sv>>,
     satellites: Vec<SatelliteRecord>,
@@ -62,14 +62,15 @@ pub struct ArraySkyRecord {
 #[derive(Clone, Debug, Serialize)]
 struct SourceRecord {
     /// How it was found: `despread` or `covariance`.
-    route: &'static str,
+    #[serde(rename = "route")]
+    method: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     sv: Option<Sv>,
     #[serde(flatten)]
     bearing: BearingRecord,
-    /// Of the angle, or the greater of azimuth's (times the cosine of the elevation) and elevation's.
+    /// Of the angle, or the larger of azimuth's (times the cosine of the elevation) and elevation's.
     sigma_deg: f64,
-    /// Of an element over its noise.
+    /// Power at an element over its noise.
     power_db: f64,
 }
 
@@ -85,7 +86,7 @@ struct SatelliteRecord {
     sv: Sv,
     #[serde(flatten)]
     bearing: Option<BearingRecord>,
-    /// Greatest standard deviation of the direction, as a turn in the plane of the array's coordinates.
+    /// Maximum standard deviation of the direction, as a turn in the plane of the array's coordinates.
     #[serde(skip_serializing_if = "Option::is_none")]
     sigma_deg: Option<f64>,
     /// Direction cosines along the array's axes.
@@ -101,14 +102,14 @@ struct SatelliteRecord {
     elements: Vec<ElementRecord>,
 }
 
-/// From where the signal of one satellite came at one time.
+/// Direction of one satellite at one time.
 #[derive(Clone, Debug, Serialize)]
 pub struct DirectionRecord {
     sv: Sv,
     #[serde(flatten)]
     bearing: BearingRecord,
     sigma_deg: f64,
-    /// Whether it is not where the orbit says, where that is known.
+    /// Whether it differs from the direction by the orbit, where that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     suspected: Option<bool>,
 }
@@ -139,7 +140,7 @@ pub fn directions(run: &Run, sample: f64) -> Vec<DirectionRecord> {
 }
 
 impl ArraySkyRecord {
-    /// The record of an array's sky.
+    /// The record of an array's sources and directions.
     pub fn new(sky: &ArraySky) -> Self {
         let picture = sky.picture.as_ref();
         let despread = sky.satellites.iter().filter_map(SourceRecord::of_satellite);
@@ -163,7 +164,7 @@ impl ArraySkyRecord {
 impl SourceRecord {
     fn new(source: &Source) -> Self {
         Self {
-            route: "covariance",
+            method: "covariance",
             sv: None,
             bearing: source.bearing.into(),
             sigma_deg: source_sigma_deg(source),
@@ -176,7 +177,7 @@ impl SourceRecord {
     fn of_satellite(satellite: &SatelliteArrival) -> Option<Self> {
         let arrival = satellite.arrival.as_ref()?;
         Some(Self {
-            route: "despread",
+            method: "despread",
             sv: Some(satellite.sv),
             bearing: arrival.bearing.into(),
             sigma_deg: sigma_deg(arrival),
@@ -191,7 +192,7 @@ impl JammerRecord {
     }
 }
 
-/// Standard deviation of a source's angle, or the greater of the two.
+/// Standard deviation of a source's angle, or the larger of the two.
 fn source_sigma_deg(source: &Source) -> f64 {
     let [first, second] = source.bearing_sigma;
     let across = match source.bearing {
@@ -225,8 +226,8 @@ impl SatelliteRecord {
     }
 }
 
-/// Greatest standard deviation of the direction, degrees: near the array's plane a small change of a cosine
-/// is a great change of angle.
+/// Maximum standard deviation of the direction, degrees: near the array's plane a small change of a cosine
+/// is a large change of angle.
 fn sigma_deg(arrival: &Arrival) -> f64 {
     let [s, t] = arrival.point;
     let height = (1.0 - s * s - t * t).max(1e-4).sqrt();
@@ -242,7 +243,7 @@ fn angles(bearing: Bearing) -> String {
     }
 }
 
-/// What was seen before any code was known: jammers, signals, sources with their directions.
+/// Results without codes: jammers, signals, sources with their directions.
 fn sources_text(sky: &ArraySky) -> String {
     let mut text = String::new();
     if let Some(picture) = &sky.picture {
@@ -272,7 +273,7 @@ fn sources_text(sky: &ArraySky) -> String {
             text,
             "  sources     {} by LDA-l1,1 and JANE on the covariance of {} elements, {} samples",
             if picture.crowded {
-                "too many to tell".to_owned()
+                "too many to be counted".to_owned()
             } else {
                 picture.sources.len().to_string()
             },
@@ -292,8 +293,8 @@ fn sources_text(sky: &ArraySky) -> String {
     text
 }
 
-/// What was seen before any code was known; then one line per satellite: where it comes from with its deviation, where it should come from, and the phases
-/// of the elements against the first.
+/// Results without codes; then one line per satellite: direction with its standard deviation, direction by the
+/// orbit, and the phases of the elements against the first.
 pub fn array_sky_table(sky: &ArraySky) -> String {
     let mut text = sources_text(sky);
     if sky.satellites.is_empty() {

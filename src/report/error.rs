@@ -10,7 +10,7 @@ pub enum ReportError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A file cannot be written.
@@ -18,15 +18,15 @@ pub enum ReportError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A plot cannot be drawn.
     #[error("drawing the {plot}: {problem}")]
     Plot {
-        /// Which plot.
+        /// The plot.
         plot: &'static str,
-        /// What the drawing library says.
+        /// The drawing library's error.
         problem: String,
     },
 }

@@ -39,7 +39,7 @@ impl ObservationRecord {
     }
 }
 
-/// The first line: what the events are of.
+/// The first line: schema and capture.
 pub fn events_start(capture: &str) -> String {
     line(json!({
         "event": "start",

@@ -1,4 +1,4 @@
-//! Files, written whole or not at all.
+//! Files, written completely or not at all.
 
 use super::{ReportError, Run, Summary, geojson, html, json, kml, nmea};
 use crate::gnss::format::{rinex_nav, rinex_obs};
@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Writes a file under a temporary name beside `path` and renames it: a reader sees the old file or the
-/// whole new one, and a run that is killed leaves none half written.
+/// complete new one, also when the run is killed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     let write = || -> std::io::Result<()> {
         let mut file = temporary_beside(path)?;
@@ -18,7 +18,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     write().map_err(|source| ReportError::File { path: path.to_owned(), source })
 }
 
-/// Finds out whether a file can be written.
+/// Checks whether a file can be written.
 ///
 /// # Errors
 /// When it cannot.
@@ -27,14 +27,14 @@ pub fn write_check(path: &Path) -> Result<(), ReportError> {
     found.map(|_| ()).map_err(|source| ReportError::File { path: path.to_owned(), source })
 }
 
-/// A folder that reports go to.
+/// A folder for reports.
 #[derive(Clone, Debug)]
 pub struct OutputDir {
     path: PathBuf,
 }
 
 impl OutputDir {
-    /// Makes the folder, and those above it, where they are missing.
+    /// Makes the folder, and missing ones above it.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
         let path = path.into();
         match std::fs::create_dir_all(&path) {
@@ -43,7 +43,7 @@ impl OutputDir {
         }
     }
 
-    /// Finds out whether files can be written there.
+    /// Checks whether files can be written there.
     ///
     /// # Errors
     /// When none can.
@@ -58,15 +58,15 @@ impl OutputDir {
     }
 }
 
-/// Writes every report that the run has something for: `result.json` always; RINEX observations and
+/// Writes every report for which the run has data: `result.json` always; RINEX observations and
 /// navigation; `track.nmea`, `track.geojson`, `track.kml` where there is a fix; `report.html` if asked.
 /// Gives the paths in the order written.
 pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBuf>, ReportError> {
     let mut paths = vec![folder.write("result.json", json(run))?];
     if let (Some(first), Some(last)) = (run.epochs.first(), run.epochs.last()) {
         let name = rinex_obs::file_name(first.receive_time, last.receive_time, run.epochs.len());
-        let place = Summary::new(run.fixes, run.input.rate_hz()).map(|s| s.median_m);
-        let text = rinex_obs::write(run.epochs, place.unwrap_or_default());
+        let median_m = Summary::new(run.fixes, run.input.rate_hz()).map(|s| s.median_m);
+        let text = rinex_obs::write(run.epochs, median_m.unwrap_or_default());
         paths.push(folder.write(&name, text)?);
     }
     if !run.navigation.is_empty() {

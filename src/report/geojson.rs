@@ -6,15 +6,15 @@ use crate::position::Fix;
 use geojson::{Feature, FeatureCollection, GeoJson, Geometry};
 use serde_json::json;
 
-/// The track as a line (of two fixes or more), then each fix as a point with its time, deviation and
-/// solver. Heights are above the WGS 84 ellipsoid, as RFC 7946 asks.
+/// The track as a line (of two fixes or more), then each fix as a point with its time, standard deviation and
+/// solver. Heights are above the WGS 84 ellipsoid, as RFC 7946 requires.
 pub fn geojson(run: &Run) -> String {
     let coordinates = |fix: &Fix| {
-        let place = Geodetic::from_ecef(&fix.position_m);
+        let position = Geodetic::from_ecef(&fix.position_m);
         // 1e-9 deg is 0.1 mm.
         let degrees = |rad: f64| (rad.to_degrees() * 1e9).round() / 1e9;
-        let height = (place.height * 1e4).round() / 1e4;
-        vec![degrees(place.longitude), degrees(place.latitude), height]
+        let height = (position.height * 1e4).round() / 1e4;
+        vec![degrees(position.longitude), degrees(position.latitude), height]
     };
     let mut features = Vec::new();
     if run.fixes.len() > 1 {

@@ -9,15 +9,15 @@ pub struct HeatMap {
     pub name: String,
     /// Title.
     pub title: String,
-    /// What the columns are, with the unit.
+    /// Quantity of the columns, with the unit.
     pub x_axis: String,
-    /// Where the columns lie, ascending.
+    /// Values of the columns, ascending.
     pub x: Vec<f64>,
-    /// What the rows are, from the top down.
+    /// Labels of the rows, from the top down.
     pub rows: Vec<String>,
-    /// What the values are, with the unit.
+    /// Quantity of the cells, with the unit.
     pub value: String,
-    /// The values that are drawn darkest and brightest.
+    /// The values of the darkest and the brightest colour.
     pub range: [f64; 2],
     /// For each row a value a column; NaN where there is none.
     pub values: Vec<Vec<f64>>,
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_drawn_but_where_nothing_is_known() {
+    fn cells_are_drawn_except_where_there_is_no_value() {
         let map = HeatMap {
             name: "name".into(),
             title: "title".into(),
@@ -66,9 +66,9 @@ mod tests {
              AW-DGN; BT,7.000000,7.500000,20.000000\n"
         );
         let svg = map.svg().unwrap();
-        let without = HeatMap { values: vec![vec![f64::NAN; 3]; 2], ..map };
+        let empty = HeatMap { values: vec![vec![f64::NAN; 3]; 2], ..map };
         let rectangles = |svg: &str| svg.matches("<rect").count();
-        assert_eq!(rectangles(&svg), rectangles(&without.svg().unwrap()) + 4);
+        assert_eq!(rectangles(&svg), rectangles(&empty.svg().unwrap()) + 4);
         assert!(svg.contains("height / km") && svg.contains("iterations"));
     }
 }

@@ -3,7 +3,7 @@
 use super::kml::escape;
 use super::{
     Input, ReportError, Run, Summary, acquisition_table, array_sky_table, arrival_plot,
-    east_north_plot, fix_table, height_plot, sky, sky_plot,
+    east_north_plot, fix_table, height_plot, satellites_in_view, sky_plot,
 };
 use std::fmt::Write;
 
@@ -45,7 +45,7 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
         let _ = writeln!(
             page,
             "<div class=\"plots\">\n{}{}{}</div>",
-            sky_plot(&sky(run))?,
+            sky_plot(&satellites_in_view(run))?,
             east_north_plot(&summary)?,
             height_plot(&summary, &times)?
         );

@@ -1,4 +1,4 @@
-//! The `sdr-rx/1` JSON record: what `--json` gives. A field that does not apply is absent.
+//! The `sdr-rx/1` JSON record. A field that does not apply is absent.
 
 use super::array_sky::{ArraySkyRecord, DirectionRecord, directions};
 use super::{Accuracy, Input, Run};
@@ -67,19 +67,19 @@ pub(super) struct AcquisitionRecord {
     prn: u8,
     doppler_hz: f64,
     code_phase_chips: f64,
-    /// From the first sample to the next start of the code's period, us in [0, 1000).
+    /// Time from the first sample to the next start of a code period, us in [0, 1000).
     code_offset_us: f64,
     cn0_dbhz: f64,
     statistic: f64,
     false_alarm: f64,
 }
 
-/// A message of an SBAS satellite: its type and what it says.
+/// A message of an SBAS satellite: its type and content.
 #[derive(Clone, Debug, Serialize)]
 struct SbasRecord {
     sv: Sv,
     #[serde(flatten)]
-    message: sbas::Message,
+    message: sbas::SbasMessage,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -103,8 +103,8 @@ pub(super) struct FixRecord {
     satellites: Vec<Sv>,
     method: FixMethod,
     solver: &'static str,
-    /// Over how much time the time of the fix was searched for, where it was, and how many false fixes that
-    /// explain the measurements as well were to be expected.
+    /// Where the time of the fix was searched: length of the time window, and expected number of false fixes that
+    /// explain the measurements equally well.
     #[serde(skip_serializing_if = "Option::is_none")]
     time_searched_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -116,10 +116,10 @@ pub(super) struct FixRecord {
     hdop: f64,
     vdop: f64,
     residuals: Vec<ResidualRecord>,
-    /// From where an array saw the satellites come, at the look nearest in time.
+    /// Directions of the satellites by an array, at the look nearest in time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     directions: Vec<DirectionRecord>,
-    /// Other places that explain the observations as well, ECEF.
+    /// Other positions that explain the observations equally well, ECEF.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     alternatives_ecef_m: Vec<[f64; 3]>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -158,7 +158,7 @@ impl Document {
 }
 
 impl SbasRecord {
-    fn new((sv, message): &(Sv, sbas::Message)) -> Self {
+    fn new((sv, message): &(Sv, sbas::SbasMessage)) -> Self {
         Self { sv: *sv, message: message.clone() }
     }
 }
@@ -204,7 +204,7 @@ impl AcquisitionRecord {
 
 impl FixRecord {
     pub(super) fn new(fix: &Fix, directions: Vec<DirectionRecord>) -> Self {
-        let place = Geodetic::from_ecef(&fix.position_m);
+        let position = Geodetic::from_ecef(&fix.position_m);
         let residuals = fix.residuals.iter().map(|r| ResidualRecord {
             sv: r.sv,
             range_m: r.range_m,
@@ -217,9 +217,9 @@ impl FixRecord {
             tow_s: fix.time.tow(),
             utc: fix.time.utc_iso(),
             sample: fix.sample,
-            lat_deg: place.latitude.to_degrees(),
-            lon_deg: place.longitude.to_degrees(),
-            height_m: place.height,
+            lat_deg: position.latitude.to_degrees(),
+            lon_deg: position.longitude.to_degrees(),
+            height_m: position.height,
             ecef_m: fix.position_m.into(),
             velocity_mps: fix.velocity_mps.map(Into::into),
             clock_bias_s: fix.clock_bias_s,
@@ -236,7 +236,11 @@ impl FixRecord {
             vdop: fix.vdop,
             residuals: residuals.collect(),
             directions,
-            alternatives_ecef_m: fix.alternatives_m.iter().map(|&place| place.into()).collect(),
+            alternatives_ecef_m: fix
+                .alternatives_m
+                .iter()
+                .map(|&position| position.into())
+                .collect(),
             excluded: fix.excluded.clone(),
         }
     }

@@ -18,7 +18,7 @@ pub struct LinePlot {
     pub name: String,
     /// Title.
     pub title: String,
-    /// What x and y are, with their units.
+    /// Quantities of x and y, with their units.
     pub axes: [String; 2],
     /// Whether x and y are logarithmic: then only points above 0 are drawn.
     pub log: [bool; 2],

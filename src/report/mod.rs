@@ -1,8 +1,8 @@
-//! What a person or another program reads: tables, JSON, RINEX, NMEA, GeoJSON, KML, plots.
+//! Results as tables, JSON, RINEX, NMEA, GeoJSON, KML and plots.
 //!
 //! Every format is a function of the plain results of a [`Run`] and gives text; [`write_all`] puts them
-//! into a folder, each file whole or not at all. The same results give the same bytes: no report holds
-//! the time of its own making.
+//! into a folder, each file completely or not at all. The same results give the same bytes: no report holds
+//! the time at which it was written.
 
 mod accuracy;
 mod array_sky;
@@ -32,9 +32,9 @@ pub use json::{Document, json};
 pub use kml::kml;
 pub use line_plot::{Curve, LinePlot};
 pub use nmea::nmea;
-pub use summary::{SkyEntry, Summary, sky};
+pub use summary::{SatelliteInView, Summary, satellites_in_view};
 pub use svg::{Dot, arrival_plot, dot_plot, east_north_plot, height_plot, sky_plot};
-pub use table::{acquisition_table, fix_table, noise_line, sky_text};
+pub use table::{acquisition_table, fix_table, noise_line, sky_plot_text};
 
 use crate::acquisition::Acquisition;
 use crate::array::{ArraySky, SkyEpoch};
@@ -45,10 +45,10 @@ use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{NavigationData, Sv};
 use crate::position::Fix;
 
-/// What a run was made from.
+/// Input of a run.
 #[derive(Clone, Copy, Debug)]
 pub enum Input<'a> {
-    /// Samples, and what is known of them.
+    /// Samples with the properties of their stream.
     Samples(&'a StreamInfo),
     /// A file of RINEX observations of this version: `sample` counts seconds from its first epoch.
     Observations {
@@ -58,7 +58,7 @@ pub enum Input<'a> {
 }
 
 impl Input<'_> {
-    /// How many of what `sample` counts make a second.
+    /// Rate of `sample`, Hz.
     pub fn rate_hz(&self) -> f64 {
         match self {
             Self::Samples(stream) => stream.rate_hz,
@@ -67,18 +67,18 @@ impl Input<'_> {
     }
 }
 
-/// All that a run of the receiver brought forth, as the reports read it.
+/// All results of a run of the receiver.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// Name of the capture, without its folder.
     pub capture: &'a str,
-    /// What it was made from.
+    /// Input.
     pub input: Input<'a>,
     /// Satellites found.
     pub acquisitions: &'a [Acquisition],
-    /// The satellites as an array sees them.
+    /// Sources and directions by an array.
     pub sky: Option<&'a ArraySky>,
-    /// The same while they were tracked, in order of time.
+    /// The same during tracking, in order of time.
     pub sky_epochs: &'a [SkyEpoch],
     /// Measurements, in order of time.
     pub epochs: &'a [ObservationEpoch],
@@ -87,19 +87,19 @@ pub struct Run<'a> {
     /// Ephemerides, ionosphere and UTC that were used or decoded.
     pub navigation: &'a NavigationData,
     /// The newest message of each type of each SBAS satellite.
-    pub sbas: &'a [(Sv, sbas::Message)],
+    pub sbas: &'a [(Sv, sbas::SbasMessage)],
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<&'a ImpulseReport>,
-    /// What a person should know.
+    /// Notices to the user.
     pub warnings: &'a [String],
-    /// Why there is no fix, if there is none.
+    /// Why there is no fix.
     pub reason: Option<&'a str>,
-    /// Signal from the first sample on that the first fix needed, s, where there is one.
+    /// Signal that the first fix needed, s from the first sample.
     pub first_fix_s: Option<f64>,
-    /// A place that the fixes are to be compared with.
+    /// A known position to compare the fixes with.
     pub reference: Option<Reference<'a>>,
     /// Seed of random draws, if any were made.
     pub seed: Option<u64>,
-    /// The options of the run, as they are to be echoed.
+    /// The options of the run.
     pub options: serde_json::Value,
 }

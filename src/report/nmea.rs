@@ -1,6 +1,6 @@
 //! NMEA 0183 sentences: RMC, GGA, GSA and GSV for every fix.
 
-use super::{Run, SkyEntry, sky};
+use super::{Run, SatelliteInView, satellites_in_view};
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::{Constellation, GpsTime, Sv};
 use crate::position::Fix;
@@ -17,7 +17,7 @@ pub fn nmea(run: &Run) -> String {
     let mut text = String::new();
     for fix in run.fixes {
         let one = Run { fixes: std::slice::from_ref(fix), epochs: until(run, fix), ..run.clone() };
-        sentences(&mut text, fix, &sky(&one));
+        sentences(&mut text, fix, &satellites_in_view(&one));
     }
     text
 }
@@ -28,29 +28,29 @@ fn until<'a>(run: &Run<'a>, fix: &Fix) -> &'a [crate::gnss::observation::Observa
     &run.epochs[..count]
 }
 
-fn sentences(text: &mut String, fix: &Fix, sky: &[SkyEntry]) {
+fn sentences(text: &mut String, fix: &Fix, in_view: &[SatelliteInView]) {
     let systems: Vec<Constellation> =
         [Constellation::Gps, Constellation::Sbas, Constellation::Qzss]
             .into_iter()
-            .filter(|c| sky.iter().any(|s| s.sv.constellation() == *c))
+            .filter(|c| in_view.iter().any(|s| s.sv.constellation() == *c))
             .collect();
     let mixed = systems.contains(&Constellation::Qzss);
     let talker = if mixed { "GN" } else { "GP" };
-    let place = Geodetic::from_ecef(&fix.position_m);
-    let latitude = angle(place.latitude, 2, ['N', 'S']);
-    let longitude = angle(place.longitude, 3, ['E', 'W']);
+    let position = Geodetic::from_ecef(&fix.position_m);
+    let latitude = angle(position.latitude, 2, ['N', 'S']);
+    let longitude = angle(position.longitude, 3, ['E', 'W']);
     let (date, time) = date_time(fix.time);
 
     let (mut speed, mut course) = (String::new(), String::new());
     if let Some(v) = fix.velocity_mps {
-        let enu = place.ecef_to_enu() * v;
+        let enu = position.ecef_to_enu() * v;
         speed = format!("{:.3}", enu.xy().norm() / KNOT);
         let hundredths = (enu.x.atan2(enu.y).to_degrees() * 100.0).round();
         course = format!("{:.2}", hundredths.rem_euclid(36_000.0) / 100.0);
     }
     push(text, &format!("{talker}RMC,{time},A,{latitude},{longitude},{speed},{course},{date},,,A"));
     let used = fix.residuals.len().min(12);
-    let (hdop, height) = (fix.hdop, place.height);
+    let (hdop, height) = (fix.hdop, position.height);
     push(
         text,
         &format!(
@@ -73,8 +73,10 @@ fn sentences(text: &mut String, fix: &Fix, sky: &[SkyEntry]) {
         push(text, &sentence);
     }
     for (talker, qzss) in [("GP", false), ("GQ", true)] {
-        let view: Vec<_> =
-            sky.iter().filter(|s| (s.sv.constellation() == Constellation::Qzss) == qzss).collect();
+        let view: Vec<_> = in_view
+            .iter()
+            .filter(|s| (s.sv.constellation() == Constellation::Qzss) == qzss)
+            .collect();
         let total = view.chunks(4).len();
         for (k, four) in view.chunks(4).enumerate() {
             let mut sentence = format!("{talker}GSV,{total},{},{:02}", k + 1, view.len());

@@ -1,4 +1,4 @@
-//! Figures that several reports share: the cloud of fixes and the sky at the end.
+//! Figures of several reports: statistics of the fixes, and the satellites of the last fix.
 
 use super::Run;
 use crate::gnss::Sv;
@@ -6,21 +6,21 @@ use crate::gnss::coordinates::Geodetic;
 use crate::position::{Fix, Residual};
 use nalgebra::Vector3;
 
-/// A satellite in the sky of the last fix.
+/// A satellite of the last fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SkyEntry {
+pub struct SatelliteInView {
     /// The satellite.
     pub sv: Sv,
     /// Azimuth, rad from north over east.
     pub azimuth: f64,
     /// Elevation, rad.
     pub elevation: f64,
-    /// Carrier-to-noise density at the last epoch that has the satellite, dB-Hz, if any has.
+    /// Carrier-to-noise density at the last epoch with the satellite, dB-Hz.
     pub cn0_dbhz: Option<f64>,
 }
 
 /// The satellites of the last fix, in the order of [`Sv`].
-pub fn sky(run: &Run) -> Vec<SkyEntry> {
+pub fn satellites_in_view(run: &Run) -> Vec<SatelliteInView> {
     let cn0 = |sv: Sv| {
         let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv() == sv);
         match newest {
@@ -30,12 +30,12 @@ pub fn sky(run: &Run) -> Vec<SkyEntry> {
     };
     let entry = |r: &Residual| {
         let (sv, azimuth, elevation) = (r.sv, r.azimuth, r.elevation);
-        SkyEntry { sv, azimuth, elevation, cn0_dbhz: cn0(sv) }
+        SatelliteInView { sv, azimuth, elevation, cn0_dbhz: cn0(sv) }
     };
     run.fixes.last().map_or(Vec::new(), |fix| fix.residuals.iter().map(entry).collect())
 }
 
-/// The fixes of a run as a cloud around their median.
+/// Statistics of the fixes of a run around their median.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
     /// Number of fixes.
@@ -61,7 +61,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up the fixes of a stream of `rate_hz`; nothing if there is none.
+    /// The statistics of the fixes of a stream of `rate_hz`; `None` without fixes.
     pub fn new(fixes: &[Fix], rate_hz: f64) -> Option<Self> {
         let first = fixes.first()?;
         let coordinate = |k: usize| quantile(fixes.iter().map(|f| f.position_m[k]).collect(), 0.5);

@@ -1,6 +1,6 @@
-//! Plots as SVG. The drawing library is named in this file only.
+//! Plots as SVG. No other file uses the drawing library.
 
-use super::{HeatMap, LinePlot, ReportError, SkyEntry, Summary};
+use super::{HeatMap, LinePlot, ReportError, SatelliteInView, Summary};
 use crate::array::{ArraySky, Bearing, SkyEpoch};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -33,11 +33,11 @@ fn draw(
 /// A row of a [`dot_plot`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dot {
-    /// What it is.
+    /// Label.
     pub label: String,
-    /// Where its disc lies, if anywhere.
+    /// Value of the disc, if any.
     pub disc: Option<f64>,
-    /// Where its ring lies, if anywhere.
+    /// Value of the ring, if any.
     pub ring: Option<f64>,
 }
 
@@ -70,8 +70,8 @@ pub fn dot_plot(description: &str, dots: &[Dot]) -> Result<String, ReportError> 
     })
 }
 
-/// The sky: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
-pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
+/// Sky plot: zenith in the middle, horizon at the edge, north up; colour from red (30 dB-Hz) to green (50).
+pub fn sky_plot(satellites: &[SatelliteInView]) -> Result<String, ReportError> {
     draw("sky plot", (420, 420), |area| {
         let chart =
             ChartBuilder::on(area).margin(10).build_cartesian_2d(-1.15f64..1.15, -1.15f64..1.15)?;
@@ -95,18 +95,18 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
             let (x, y) = at(1.08, azimuth);
             plane.draw(&Text::new(name, (x - 0.02, y + 0.03), (FONT, 14)))?;
         }
-        for s in sky {
-            let place = at((1.0 - s.elevation / FRAC_PI_2).clamp(0.0, 1.0), s.azimuth);
+        for s in satellites {
+            let point = at((1.0 - s.elevation / FRAC_PI_2).clamp(0.0, 1.0), s.azimuth);
             let colour = s.cn0_dbhz.map_or(RGBColor(128, 128, 128), |cn0| {
-                let share = ((cn0 - 30.0) / 20.0).clamp(0.0, 1.0);
-                let (r, g, b) = HSLColor(share / 3.0, 0.8, 0.4).to_backend_color().rgb;
+                let hue = ((cn0 - 30.0) / 20.0).clamp(0.0, 1.0);
+                let (r, g, b) = HSLColor(hue / 3.0, 0.8, 0.4).to_backend_color().rgb;
                 RGBColor(r, g, b)
             });
-            plane.draw(&Circle::new(place, 7, colour.filled()))?;
+            plane.draw(&Circle::new(point, 7, colour.filled()))?;
             let cn0 = s.cn0_dbhz.map_or(String::new(), |c| format!(" {c:.0}"));
             plane.draw(&Text::new(
                 format!("{}{cn0}", s.sv),
-                (place.0 + 0.04, place.1 + 0.07),
+                (point.0 + 0.04, point.1 + 0.07),
                 (FONT, 12),
             ))?;
         }
@@ -114,10 +114,9 @@ pub fn sky_plot(sky: &[SkyEntry]) -> Result<String, ReportError> {
     })
 }
 
-/// Directions as an array sees them, in direction cosines: of a plane east and north at the edge and the zenith
-/// in the middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow where they
-/// should be), lines their ways while they were tracked, crosses the sources found without a code, triangles
-/// jammers.
+/// Directions by an array, in direction cosines: of a plane east and north at the edge and the zenith in the
+/// middle, of a linear array on the half circle, broadside up. Circles are satellites (hollow: by the orbits),
+/// lines their tracks, crosses the sources without codes, triangles jammers.
 pub fn arrival_plot(sky: &ArraySky, later: &[SkyEpoch]) -> Result<String, ReportError> {
     let at = |bearing: Bearing| match bearing {
         Bearing::Cone(angle) => angle.sin_cos(),
@@ -125,8 +124,8 @@ pub fn arrival_plot(sky: &ArraySky, later: &[SkyEpoch]) -> Result<String, Report
             (elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos())
         }
     };
-    let ink = |share: f64| {
-        let (r, g, b) = HSLColor(share, 0.8, 0.4).to_backend_color().rgb;
+    let ink = |hue: f64| {
+        let (r, g, b) = HSLColor(hue, 0.8, 0.4).to_backend_color().rgb;
         RGBColor(r, g, b)
     };
     draw("plot of directions", (460, 460), |area| {
@@ -144,18 +143,18 @@ pub fn arrival_plot(sky: &ArraySky, later: &[SkyEpoch]) -> Result<String, Report
                 plane.draw(&Circle::new(at(predicted.bearing), 8, INK))?;
             }
             if let Some(arrival) = satellite.arrival {
-                let place = at(arrival.bearing);
+                let point = at(arrival.bearing);
                 let seen = |epoch: &SkyEpoch| {
                     let same = epoch.sky.satellites.iter().find(|s| s.sv == satellite.sv)?;
                     Some(at(same.arrival?.bearing))
                 };
                 let way: Vec<_> =
-                    [place].into_iter().chain(later.iter().filter_map(seen)).collect();
+                    [point].into_iter().chain(later.iter().filter_map(seen)).collect();
                 plane.draw(&PathElement::new(way, INK))?;
                 let agrees = satellite.predicted.is_none_or(|p| p.agrees);
                 let colour = if agrees { ink(0.33) } else { ink(0.0) };
-                plane.draw(&Circle::new(place, 5, colour.filled()))?;
-                let label = (place.0 + 0.04, place.1 + 0.05);
+                plane.draw(&Circle::new(point, 5, colour.filled()))?;
+                let label = (point.0 + 0.04, point.1 + 0.05);
                 plane.draw(&Text::new(satellite.sv.to_string(), label, (FONT, 12)))?;
             }
         }
@@ -238,7 +237,7 @@ impl LinePlot {
 }
 
 impl HeatMap {
-    /// As SVG: a cell for each row and column, white where there is no value, and a bar that tells the colours.
+    /// As SVG: a cell for each row and column, white where there is no value, and a colour bar.
     ///
     /// # Errors
     /// When it cannot be drawn.
@@ -254,7 +253,7 @@ fn draw_lines(plot: &LinePlot) -> Result<String, ReportError> {
         match (low < high, log) {
             (false, _) => 0.5..1.5,
             (true, true) => low / 1.2..high * 1.2,
-            // A linear axis of what is never negative starts at 0.
+            // A linear axis of non-negative values starts at 0.
             (true, false) if low >= 0.0 => 0.0..1.03 * high,
             (true, false) => low..high,
         }
@@ -315,13 +314,13 @@ const SCALE: [[f64; 3]; 5] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// The colour of a share, 0 to 1.
-fn colour(share: f64) -> RGBColor {
-    let place = share.clamp(0.0, 1.0) * (SCALE.len() - 1) as f64;
-    let below = (place as usize).min(SCALE.len() - 2);
+/// The colour of a value from 0 to 1.
+fn colour(value: f64) -> RGBColor {
+    let point = value.clamp(0.0, 1.0) * (SCALE.len() - 1) as f64;
+    let below = (point as usize).min(SCALE.len() - 2);
     let [r, g, b] = std::array::from_fn(|k| {
         let (a, b) = (SCALE[below][k], SCALE[below + 1][k]);
-        (a + (b - a) * (place - below as f64)).round() as u8
+        (a + (b - a) * (point - below as f64)).round() as u8
     });
     RGBColor(r, g, b)
 }
@@ -343,8 +342,8 @@ fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
             .y_label_area_size(185)
             .build_cartesian_2d(0.0..columns as f64 * 1.16, rows as f64..0.0)?;
         chart.configure_mesh().disable_mesh().disable_axes().draw()?;
-        let cell = |x: [f64; 2], y: [f64; 2], share: f64| {
-            Rectangle::new([(x[0], y[0]), (x[1], y[1])], colour(share).filled())
+        let cell = |x: [f64; 2], y: [f64; 2], value: f64| {
+            Rectangle::new([(x[0], y[0]), (x[1], y[1])], colour(value).filled())
         };
         for (y, values) in map.values.iter().enumerate() {
             let y = y as f64;
@@ -354,15 +353,15 @@ fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
             }))?;
         }
         chart.draw_series((0..BAR_STEPS).map(|k| {
-            let share = |k: usize| k as f64 / BAR_STEPS as f64;
-            let y = [1.0 - share(k), 1.0 - share(k + 1)].map(|y| y * rows as f64);
-            cell([bar, bar + width], y, share(k))
+            let value = |k: usize| k as f64 / BAR_STEPS as f64;
+            let y = [1.0 - value(k), 1.0 - value(k + 1)].map(|y| y * rows as f64);
+            cell([bar, bar + width], y, value(k))
         }))?;
 
         let at = |x: f64, y: f64| chart.backend_coord(&(x, y));
-        let text = |text: &str, place: (i32, i32), h: HPos, v: VPos| {
+        let text = |text: &str, point: (i32, i32), h: HPos, v: VPos| {
             let style = (FONT, 12).into_text_style(area).pos(Pos::new(h, v));
-            area.draw_text(text, &style, place)
+            area.draw_text(text, &style, point)
         };
         let ticks = columns.saturating_sub(1).div_ceil(8).max(1);
         for k in (0..columns).step_by(ticks) {
@@ -384,7 +383,7 @@ fn draw_cells(map: &HeatMap) -> Result<String, ReportError> {
     })
 }
 
-/// A number with as many digits as a label needs.
+/// A number with the digits of a label.
 fn short(value: f64) -> String {
     if value.abs() >= 10.0 || value.fract() == 0.0 {
         format!("{value:.0}")

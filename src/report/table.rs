@@ -1,6 +1,6 @@
 //! Tables for the terminal.
 
-use super::{Accuracy, Run, SkyEntry, Summary};
+use super::{Accuracy, Run, SatelliteInView, Summary};
 use crate::acquisition::Acquisition;
 use crate::gnss::coordinates::Geodetic;
 use std::f64::consts::FRAC_PI_2;
@@ -34,7 +34,7 @@ fn bar(cn0_dbhz: f64) -> String {
     "#".repeat(halves / 2) + if halves % 2 == 1 { "+" } else { "" }
 }
 
-/// What was found of impulsive noise, and done about it; empty where there was none.
+/// Impulsive noise and its suppression; empty where there was none.
 pub fn noise_line(run: &Run) -> String {
     run.noise.map_or(String::new(), |noise| {
         let part = match noise.treated {
@@ -52,13 +52,13 @@ pub fn noise_line(run: &Run) -> String {
     })
 }
 
-/// What the fixes come to: first fix, median position, spread, velocity, DOP; or why there is none.
+/// Summary of the fixes: first fix, median position, spread, velocity, DOP; or why there is none.
 pub fn fix_table(run: &Run) -> String {
     let (Some(s), Some(last)) = (Summary::new(run.fixes, run.input.rate_hz()), run.fixes.last())
     else {
         return format!("no fix: {}\n", run.reason.unwrap_or("no reason is known"));
     };
-    let place = Geodetic::from_ecef(&s.median_m);
+    let position = Geodetic::from_ecef(&s.median_m);
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "  {name:<11} {value}");
@@ -71,7 +71,7 @@ pub fn fix_table(run: &Run) -> String {
         line(
             "its time",
             format!(
-                "found in {:.1} h, {} places and times explain the Dopplers, {:.0e} false fixes to be expected",
+                "found in {:.1} h, {} positions and times explain the Dopplers, {:.0e} false fixes to be expected",
                 search.searched_s / 3600.0,
                 search.hypotheses,
                 search.false_expected
@@ -82,9 +82,9 @@ pub fn fix_table(run: &Run) -> String {
         "position",
         format!(
             "{:.7} deg, {:.7} deg, {:.2} m above WGS 84 (latitude, longitude, height; median)",
-            place.latitude.to_degrees(),
-            place.longitude.to_degrees(),
-            place.height
+            position.latitude.to_degrees(),
+            position.longitude.to_degrees(),
+            position.height
         ),
     );
     let [x, y, z]: [f64; 3] = s.median_m.into();
@@ -124,7 +124,10 @@ pub fn fix_table(run: &Run) -> String {
     if ambiguous > 0 {
         line(
             "ambiguous",
-            format!("{ambiguous} of {}: another place explains as few satellites as well", s.fixes),
+            format!(
+                "{ambiguous} of {}: with few satellites another position explains them equally well",
+                s.fixes
+            ),
         );
     }
     if !last.excluded.is_empty() {
@@ -134,8 +137,8 @@ pub fn fix_table(run: &Run) -> String {
     text
 }
 
-/// The sky as text: north up, east right, the zenith in the middle and the horizon as the edge.
-pub fn sky_text(sky: &[SkyEntry]) -> String {
+/// Sky plot as text: north up, east right, the zenith in the middle and the horizon as the edge.
+pub fn sky_plot_text(satellites: &[SatelliteInView]) -> String {
     const RADIUS: usize = 10;
     let (rows, columns) = (2 * RADIUS + 1, 4 * RADIUS + 4);
     let mut grid = vec![vec![b' '; columns]; rows];
@@ -157,7 +160,7 @@ pub fn sky_text(sky: &[SkyEntry]) -> String {
     for (k, name) in ["N", "E", "S", "W"].into_iter().enumerate() {
         put(1.0, FRAC_PI_2 * k as f64, name);
     }
-    for s in sky {
+    for s in satellites {
         put((1.0 - s.elevation / FRAC_PI_2).clamp(0.0, 1.0), s.azimuth, &s.sv.to_string());
     }
     let lines = grid.iter().map(|row| String::from_utf8_lossy(row).trim_end().to_owned() + "\n");

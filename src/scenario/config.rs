@@ -6,7 +6,7 @@ use super::direction::Spoofer;
 use super::front_end::FrontEndSettings;
 use super::jammer::JammerSettings;
 use super::noise::GaussianMixture;
-use super::receiver::{MAX_ACCELERATION, Motion, Receiver};
+use super::receiver::{MAX_ACCELERATION, Motion, SimulatedReceiver};
 use super::values;
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::atmosphere::{Klobuchar, Troposphere};
@@ -40,10 +40,10 @@ pub struct Scenario {
     #[serde(default = "default_mask", deserialize_with = "values::elevation")]
     pub elevation_mask_deg: f64,
     /// The receiver.
-    pub receiver: Receiver,
+    pub receiver: SimulatedReceiver,
     /// Signal levels.
     #[serde(default)]
-    pub signal: Signal,
+    pub signal: SignalSettings,
     /// Atmosphere.
     #[serde(default)]
     pub atmosphere: Atmosphere,
@@ -56,7 +56,7 @@ pub struct Scenario {
     /// Jammers.
     #[serde(default, rename = "jammer", skip_serializing_if = "Vec::is_empty")]
     pub jammers: Vec<JammerSettings>,
-    /// A transmitter that takes the satellites' place.
+    /// A transmitter that imitates the satellites.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spoofer: Option<Spoofer>,
     /// Front end.
@@ -80,7 +80,7 @@ pub enum Orbits {
 /// Carrier-to-noise densities: carrier power over the density of the background noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Signal {
+pub struct SignalSettings {
     /// C/N0 (at the zenith), dB-Hz.
     #[serde(default = "default_cn0", deserialize_with = "values::cn0")]
     pub cn0_dbhz: f64,
@@ -99,7 +99,7 @@ fn default_cn0() -> f64 {
     45.0
 }
 
-impl Default for Signal {
+impl Default for SignalSettings {
     fn default() -> Self {
         Self {
             cn0_dbhz: default_cn0(),
@@ -110,7 +110,7 @@ impl Default for Signal {
     }
 }
 
-impl Signal {
+impl SignalSettings {
     /// C/N0 of `sv` at an `elevation` (rad), `elapsed` seconds after the start, dB-Hz.
     pub fn cn0_dbhz(&self, sv: Sv, elevation: f64, elapsed: f64) -> f64 {
         let by_elevation = || {
@@ -172,21 +172,21 @@ pub enum Ionosphere {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// Whether there is any; without it the signals keep the level that their C/N0 means.
+    /// Whether there is noise; without it the signals keep the level of their C/N0.
     #[serde(default = "yes")]
     pub enabled: bool,
     /// Variance of the background in a complex sample (matters without a quantiser only).
     #[serde(default = "one", deserialize_with = "values::positive")]
     pub background_variance: f64,
-    /// Share of impulsive samples, 0 to 1.
-    #[serde(default, deserialize_with = "values::share")]
-    pub impulse_share: f64,
+    /// Probability that a sample is impulsive, 0 to 1.
+    #[serde(default, rename = "impulse_share", deserialize_with = "values::zero_to_one")]
+    pub impulse_probability: f64,
     /// Variance of impulsive samples over that of the background.
     #[serde(default = "one", deserialize_with = "values::positive")]
     pub impulse_variance_ratio: f64,
-    /// Share of the impulses, 0 to 1, that strike all elements of an array at once.
-    #[serde(default, deserialize_with = "values::share")]
-    pub impulse_common_share: f64,
+    /// Fraction of the impulses, 0 to 1, that are at all elements of an array at once.
+    #[serde(default, rename = "impulse_common_share", deserialize_with = "values::zero_to_one")]
+    pub impulse_common_fraction: f64,
 }
 
 fn yes() -> bool {
@@ -199,21 +199,23 @@ fn one() -> f64 {
 
 impl Default for Noise {
     fn default() -> Self {
-        let (share, ratio) = (0.0, 1.0);
         Self {
             enabled: true,
             background_variance: 1.0,
-            impulse_share: share,
-            impulse_variance_ratio: ratio,
-            impulse_common_share: 0.0,
+            impulse_probability: 0.0,
+            impulse_variance_ratio: 1.0,
+            impulse_common_fraction: 0.0,
         }
     }
 }
 
 impl Noise {
-    /// The law for a background of unit variance.
-    pub fn law(&self) -> GaussianMixture {
-        GaussianMixture { share: self.impulse_share, ratio: self.impulse_variance_ratio }
+    /// The distribution, for a background of unit variance.
+    pub fn mixture(&self) -> GaussianMixture {
+        GaussianMixture {
+            probability: self.impulse_probability,
+            ratio: self.impulse_variance_ratio,
+        }
     }
 }
 
@@ -248,12 +250,12 @@ impl Scenario {
         }
     }
 
-    /// What does not fit together, if anything.
+    /// Which values are inconsistent, if any.
     fn conflict(&self) -> Option<String> {
         let radius = self.receiver.position.ecef().norm();
         if !(6.2e6..1e8).contains(&radius) {
             return Some(format!(
-                "[receiver] position: {radius:.0} m from the Earth's centre is no place for an antenna \
+                "[receiver] position: {radius:.0} m from the Earth's centre is no position of an antenna \
                  (ecef_m is in metres; 6.2e6 to 1e8)"
             ));
         }

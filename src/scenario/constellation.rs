@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
-    /// `T/P/F`, such as `24/6/1`. Up to 32 satellites become G01, G02, ... plane by plane; of more, as low
-    /// shells have them, the 32 that are highest at the receiver at the start, the highest first.
+    /// `T/P/F`, such as `24/6/1`. Up to 32 satellites become G01, G02, ... plane by plane; of more, as in low
+    /// orbits, the 32 of the highest elevation at the receiver at the start, the highest first.
     pub pattern: Pattern,
     /// Inclination, degrees.
     #[serde(default = "gps_inclination", deserialize_with = "values::elevation")]
@@ -23,7 +23,7 @@ pub struct Walker {
     #[serde(default = "gps_axis", deserialize_with = "values::positive")]
     pub semi_major_axis_km: f64,
     /// Eccentricity.
-    #[serde(default, deserialize_with = "values::share")]
+    #[serde(default, deserialize_with = "values::zero_to_one")]
     pub eccentricity: f64,
     /// Longitude of the first plane's ascending node at the epoch, degrees.
     #[serde(default, deserialize_with = "values::finite")]
@@ -41,7 +41,7 @@ fn gps_axis() -> f64 {
     26_560.0
 }
 
-/// GPS satellites that have a number.
+/// PRNs of GPS.
 const NUMBERS: usize = 32;
 
 /// The numbers of a Walker pattern.
@@ -84,7 +84,7 @@ impl From<Pattern> for String {
 }
 
 impl Walker {
-    /// The ephemerides of the satellites that have a number, with their epoch at the two-hour mark nearest
+    /// The ephemerides of the satellites that get a PRN, with their epoch at the two-hour mark nearest
     /// `start` and zero clock terms except relativity; `receiver_m` (ECEF) is where heights are compared.
     pub fn ephemerides(&self, start: GpsTime, receiver_m: &Vector3<f64>) -> Vec<Ephemeris> {
         let mut all = self.all(start);

@@ -1,4 +1,4 @@
-//! From where a signal arrives that comes from no satellite.
+//! Directions of arrival of signals that no satellite sends.
 
 use super::values;
 use crate::gnss::Sv;
@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Direction {
-    /// In the sky, or from the ground.
-    Sky {
+    /// Azimuth and elevation.
+    #[serde(rename = "sky")]
+    AzimuthElevation {
         /// From north over east, degrees.
         #[serde(deserialize_with = "values::finite")]
         azimuth_deg: f64,
@@ -29,7 +30,7 @@ impl Direction {
     /// Unit vector (east, north, up), or why there is none.
     pub fn towards(&self, array: Option<&ArrayDescription>) -> Result<Unit<Vector3<f64>>, String> {
         match *self {
-            Self::Sky { azimuth_deg, elevation_deg } => {
+            Self::AzimuthElevation { azimuth_deg, elevation_deg } => {
                 Ok(direction(azimuth_deg.to_radians(), elevation_deg.to_radians()))
             }
             Self::ConeDeg(cone_deg) => {
@@ -52,12 +53,12 @@ impl Direction {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spoofer {
-    /// From where.
+    /// Direction of arrival.
     pub direction: Direction,
-    /// Time from which on it does, s from the start; before, the satellites themselves are heard.
+    /// When it begins, s from the start; before, the satellites themselves are received.
     #[serde(default, deserialize_with = "values::finite")]
     pub start_s: f64,
-    /// Whose signals; absent: those of all satellites.
+    /// Satellites whose signals it sends; absent: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub satellites: Option<Vec<Sv>>,
 }

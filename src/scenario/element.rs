@@ -20,8 +20,8 @@ impl Element {
     pub fn new(scenario: &Scenario, channel: usize, len: usize) -> Self {
         let settings = &scenario.noise;
         let noise = || {
-            NoiseSource::new(settings.law(), scenario.seed, channel)
-                .with_common_impulses(settings.impulse_common_share, scenario.seed)
+            NoiseSource::new(settings.mixture(), scenario.seed, channel)
+                .with_common_impulses(settings.impulse_common_fraction, scenario.seed)
         };
         Self {
             channel,
@@ -32,7 +32,7 @@ impl Element {
         }
     }
 
-    /// Makes a batch of segments; `drawn` is the place of their first sample in the noise.
+    /// Makes a batch of segments; `drawn` is the index of their first sample in the noise.
     pub fn make(
         &mut self,
         drawn: u64,

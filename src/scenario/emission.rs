@@ -1,4 +1,4 @@
-//! What one satellite sends over a batch of segments: made once, mixed into every channel.
+//! The signal of one satellite over a batch of segments: generated once, added to every channel.
 
 use super::Scenario;
 use super::kernel::{TABLE, mix_add, spread};
@@ -27,7 +27,7 @@ struct Segment {
     phasor: Complex64,
     /// Carrier cycles per sample.
     cycles: f64,
-    /// What each element makes of it.
+    /// Response of each element.
     response: Vec<Complex64>,
 }
 
@@ -62,7 +62,7 @@ impl Emission {
         {
             let elapsed = start + k as f64 * segment_s;
             let cn0 = scenario.signal.cn0_dbhz(emitter.transmission.sv, elevation, elapsed);
-            // A satellite that has set is silent.
+            // A satellite below the horizon sends nothing.
             let amplitude = if elevation < 0.0 { 0.0 } else { amplitude(scenario, cn0) };
             let range = |k: usize| emitter.range.at(k as f64 / SEGMENTS as f64);
             let (begin, end) = (range(k), range(k + 1));
@@ -108,7 +108,8 @@ impl Emission {
     }
 }
 
-/// Direction from which a signal arrives, (east, north, up), `elapsed` after the start and at a share `x` (0 to 1) of the frame: linear
+/// Direction from which a signal arrives, (east, north, up), `elapsed` after the start, at the fraction `x` of the
+/// frame: linear
 /// between the frame's ends. A satellite turns by less than 2e-4 rad/s, 2e-7 rad in a segment.
 fn arrival(emitter: &Emitter, elapsed: f64, x: f64) -> Unit<Vector3<f64>> {
     if let Some(towards) = emitter.spoofed_from(elapsed) {
@@ -119,7 +120,7 @@ fn arrival(emitter: &Emitter, elapsed: f64, x: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(begin + (end - begin) * x)
 }
 
-/// Amplitude of a signal of `cn0` dB-Hz beside background noise of the scenario's variance, white over
+/// Amplitude of a signal of `cn0` dB-Hz in background noise of the scenario's variance, white over
 /// the sampling rate: A^2 = C/N0 x variance / rate.
 pub(super) fn amplitude(scenario: &Scenario, cn0: f64) -> f64 {
     let density = scenario.noise.background_variance / scenario.front_end.rate_hz;

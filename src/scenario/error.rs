@@ -12,7 +12,7 @@ pub enum ScenarioError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// No TOML, an unknown key, or a value outside its range; with line and column.
@@ -28,7 +28,7 @@ pub enum ScenarioError {
     Conflict {
         /// The file.
         name: String,
-        /// Which, and what would be right.
+        /// Which, and what is valid.
         conflict: String,
     },
     /// The navigation file cannot be read.
@@ -39,7 +39,7 @@ pub enum ScenarioError {
     UnknownSatellite {
         /// The satellite.
         sv: Sv,
-        /// Which ones there are.
+        /// Satellites that have one.
         known: String,
     },
     /// An ephemeris that is not valid at the scenario's start.
@@ -57,7 +57,7 @@ pub enum ScenarioError {
         /// Reference time of the ephemeris.
         toe: GpsTime,
     },
-    /// A satellite that was asked for is not in view.
+    /// A requested satellite is not in view.
     #[error(
         "{sv} is at an elevation of {elevation_deg:.1} degrees at the start: leave it out, or choose \
          another start"

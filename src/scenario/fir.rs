@@ -6,7 +6,7 @@ use num_complex::Complex32;
 /// Taps on either side of the centre.
 const HALF: usize = 32;
 
-/// Taps of a windowed-sinc low-pass (Hamming) with its two-sided -6 dB `bandwidth` as a share of the
+/// Taps of a windowed-sinc low-pass (Hamming) with its two-sided -6 dB `bandwidth` as a fraction of the
 /// sampling rate, 0 to 1; unit gain at zero, stop band below -50 dB beyond 0.026 of the rate from
 /// the edge.
 pub fn low_pass_taps(bandwidth: f64) -> Vec<f32> {
@@ -22,7 +22,7 @@ pub fn low_pass_taps(bandwidth: f64) -> Vec<f32> {
     taps.iter().map(|h| (h / sum) as f32).collect()
 }
 
-/// The filter and its memory.
+/// The filter and its state.
 #[derive(Clone, Debug)]
 pub struct LowPass {
     taps: Vec<f32>,
@@ -36,7 +36,7 @@ impl LowPass {
         Self { taps, input }
     }
 
-    /// Samples by which the output lags.
+    /// Delay of the output, samples.
     pub fn delay(&self) -> usize {
         self.taps.len() / 2
     }
@@ -50,7 +50,7 @@ impl LowPass {
     }
 }
 
-/// `output`[k] = sum over t of `taps`[t] `input`[k + 2t], k over interleaved rails.
+/// `output`[k] = sum over t of `taps`[t] `input`[k + 2t], k over interleaved I and Q.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn convolve(taps: &[f32], input: &[f32], output: &mut [f32]) {
     const LANES: usize = 64;
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_convolution_agrees_with_its_plain_twin() {
+    fn the_convolution_agrees_with_its_scalar_version() {
         let taps: Vec<f32> = (0..9).map(|t| 0.1 * t as f32 - 0.3).collect();
         let input: Vec<f32> = (0..2 * (100 + 8)).map(|k| ((k * 37) % 101) as f32 / 101.0).collect();
         let mut output = vec![0.0; 200];

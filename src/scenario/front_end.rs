@@ -1,4 +1,4 @@
-//! The front-end model: what lies between the antenna's complex envelope and the numbers of the ADC.
+//! The front-end model: from the antenna's complex envelope to the numbers of the ADC.
 
 use super::fir::{LowPass, low_pass_taps};
 use super::quantiser::Quantiser;
@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 /// Samples that are conditioned together: the AGC's gain is constant over them.
 const CHUNK: usize = 256;
 
-/// A front end that an experimenter can swap: from antenna samples to ADC samples.
+/// A replaceable front end: from antenna samples to ADC samples.
 pub trait FrontEnd: Send {
-    /// Samples by which the output lags the input; the source takes them out again.
+    /// Delay of the output against the input, samples; the source removes it.
     fn delay(&self) -> usize {
         0
     }
@@ -21,7 +21,7 @@ pub trait FrontEnd: Send {
     /// channel follow each other without gap; lengths are multiples of 256 and the same for all.
     fn process(&mut self, channel: usize, samples: &mut [Complex32]);
 
-    /// Does that for all channels; a front end whose channels know nothing of each other may do it in
+    /// Does that for all channels; a front end with independent channels may do it in
     /// parallel.
     fn process_all(&mut self, channels: &mut [Vec<Complex32>]) {
         channels.iter_mut().enumerate().for_each(|(c, samples)| self.process(c, samples));
@@ -51,26 +51,26 @@ pub struct FrontEndSettings {
     /// Gain of Q over I, dB.
     #[serde(default, deserialize_with = "values::finite")]
     pub iq_gain_db: f64,
-    /// Deviation of Q from quadrature to I, degrees.
+    /// Quadrature error of Q against I, degrees.
     #[serde(default, deserialize_with = "values::finite")]
     pub iq_phase_deg: f64,
     /// Time constant of the AGC, s, that holds the total power; absent: a fixed gain for the power
     /// of background noise and signals.
     #[serde(default, deserialize_with = "values::some_positive")]
     pub agc_time_constant_s: Option<f64>,
-    /// Offset of I and Q as a share of a rail's rms.
+    /// Offset of I and Q over the rms of one of them.
     #[serde(default)]
     pub dc_offset: [f64; 2],
-    /// Quantiser bits of a rail: 1, 2, 3, 4, 8 or 16; absent: none, single-precision samples.
+    /// Quantiser bits of I or Q: 1, 2, 3, 4, 8 or 16; absent: none, single-precision samples.
     #[serde(default, deserialize_with = "values::bits")]
     pub bits: Option<u32>,
-    /// The rms of one rail at the quantiser, in its steps; absent: the best for Gaussian input.
+    /// The rms of I or Q at the quantiser, in its steps; absent: the best for Gaussian input.
     #[serde(default, deserialize_with = "values::some_positive")]
     pub rms_steps: Option<f64>,
 }
 
 impl FrontEndSettings {
-    /// What does not fit together, if anything.
+    /// Which values are inconsistent, if any.
     pub fn conflict(&self) -> Option<String> {
         let rate = self.rate_hz;
         let carrier = self.if_hz + self.lo_offset_hz;
@@ -82,7 +82,7 @@ impl FrontEndSettings {
             return Some(format!("if_hz {carrier} lies outside the samples' +-{} Hz", rate / 2.0));
         }
         if !self.dc_offset.iter().all(|v| v.abs() <= 100.0) {
-            return Some("dc_offset must be two shares of the rms, each -100 to 100".into());
+            return Some("dc_offset must be two multiples of the rms, each -100 to 100".into());
         }
         let fits = carrier.abs() > bandwidth / 2.0 && carrier.abs() + bandwidth / 2.0 < rate / 2.0;
         (self.real && !fits).then(|| {
@@ -94,7 +94,7 @@ impl FrontEndSettings {
         })
     }
 
-    /// Sample type that holds the output without loss: `cs8`, `cs16`, `cf32`, or their real kin.
+    /// Sample type that holds the output without loss: `cs8`, `cs16`, `cf32`, or `rs8`, `rs16`, `rf32`.
     pub fn format(&self) -> &'static str {
         match (self.bits, self.real) {
             (None, false) => "cf32",
@@ -113,17 +113,17 @@ pub struct StandardFrontEnd {
     channels: Vec<ChannelState>,
 }
 
-/// What all channels have in common.
+/// Common to all channels.
 struct Stages {
     nco: Option<Nco>,
     real: bool,
     imbalance: Option<[f32; 2]>,
-    agc_share: f64,
+    agc_gain: f64,
     dc_offset: [f32; 2],
     quantiser: Option<Quantiser>,
 }
 
-/// What a channel remembers from block to block.
+/// State of a channel between blocks.
 #[derive(Clone)]
 struct ChannelState {
     filter: Option<LowPass>,
@@ -154,7 +154,7 @@ impl StandardFrontEnd {
         let (sin, cos) = settings.iq_phase_deg.to_radians().sin_cos();
         let gain = 10f64.powf(settings.iq_gain_db / 20.0);
         let imbalance = [(gain * sin) as f32, (gain * cos) as f32];
-        let agc_share = settings
+        let agc_gain = settings
             .agc_time_constant_s
             .map_or(0.0, |tau| 1.0 - (-(CHUNK as f64) / (settings.rate_hz * tau)).exp());
         let filter = taps.map(LowPass::new);
@@ -163,7 +163,7 @@ impl StandardFrontEnd {
             nco,
             real: settings.real,
             imbalance: (imbalance != [0.0, 1.0]).then_some(imbalance),
-            agc_share,
+            agc_gain,
             dc_offset: settings.dc_offset.map(|v| v as f32),
             quantiser: settings.bits.map(|bits| Quantiser::new(bits, settings.rms_steps)),
         };
@@ -206,10 +206,10 @@ impl Stages {
                 chunk.iter_mut().for_each(|x| x.im = cross * x.re + direct * x.im);
             }
             state.sample += chunk.len() as u64;
-            if self.quantiser.is_some() || self.agc_share > 0.0 {
-                if self.agc_share > 0.0 {
+            if self.quantiser.is_some() || self.agc_gain > 0.0 {
+                if self.agc_gain > 0.0 {
                     let sum: f64 = chunk.iter().map(|x| f64::from(x.norm_sqr())).sum();
-                    state.power += self.agc_share * (sum / chunk.len() as f64 - state.power);
+                    state.power += self.agc_gain * (sum / chunk.len() as f64 - state.power);
                 }
                 let rails = if self.real { 1.0 } else { 2.0 };
                 let gain = (rails / state.power).sqrt() as f32;
@@ -247,7 +247,7 @@ mod tests {
         toml::from_str(&format!("rate_hz = 1e6\n{rest}")).expect("valid settings")
     }
 
-    /// Share of a tone of `cycles` per sample in what the front end makes of ones.
+    /// Amplitude of a tone of `cycles` per sample in the front end's output for an input of ones.
     fn tone(settings: &FrontEndSettings, cycles: f64) -> Complex64 {
         let mut samples = vec![Complex32::ONE; 4096];
         StandardFrontEnd::new(settings, 1, 1.0).process(0, &mut samples);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_agc_brings_a_level_that_jumps_back_to_the_quantisers_best() {
+    fn the_agc_returns_to_the_quantisers_best_level_after_a_jump() {
         let settings = settings("agc_time_constant_s = 1e-3\nbits = 8\nrms_steps = 20.0");
         let mut front_end = StandardFrontEnd::new(&settings, 1, 1.0);
         let mut rms = |level: f32, len: usize| {

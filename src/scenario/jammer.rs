@@ -29,12 +29,12 @@ pub enum JammerKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JammerSettings {
-    /// What it sends.
+    /// Waveform.
     pub kind: JammerKind,
     /// Its power over that of the background noise at an ideal element, dB.
     #[serde(deserialize_with = "values::power")]
     pub power_db: f64,
-    /// From where.
+    /// Direction of arrival.
     pub direction: Direction,
     /// Frequency, of a chirp its centre, as an offset from L1 in the receiver's samples, Hz.
     #[serde(default, deserialize_with = "values::finite")]
@@ -65,7 +65,7 @@ impl JammerSettings {
         (self.frequency_hz * t).fract() + self.sweep_hz * self.period_s * (x * x - x) / 2.0
     }
 
-    /// What does not fit together, if anything.
+    /// Which values are inconsistent, if any.
     pub(super) fn conflict(&self, rate_hz: f64) -> Option<String> {
         let reach = self.frequency_hz.abs() + self.sweep_hz.abs() / 2.0;
         if self.kind != JammerKind::Noise && reach >= rate_hz / 2.0 {
@@ -80,7 +80,7 @@ impl JammerSettings {
     }
 }
 
-/// What a jammer adds to the elements over a batch of samples.
+/// The contribution of a jammer to the elements over a batch of samples.
 pub(super) struct Interference {
     jammer: JammerSettings,
     /// Direction (east, north, up).
@@ -95,7 +95,7 @@ pub(super) struct Interference {
 }
 
 impl Interference {
-    /// The jammer at elements that answer its direction `towards` with `response`, over background noise of the
+    /// The jammer at elements whose response to its direction `towards` is `response`, over background noise of the
     /// `variance`; its noise is the stream `k` of the jammers.
     pub fn new(
         jammer: &JammerSettings,
@@ -104,7 +104,7 @@ impl Interference {
         (variance, rate_hz): (f64, f64),
         (seed, k): (u64, usize),
     ) -> Self {
-        let white = GaussianMixture { share: 0.0, ratio: 1.0 };
+        let white = GaussianMixture { probability: 0.0, ratio: 1.0 };
         let amplitude = (variance * 10f64.powf(jammer.power_db / 10.0)).sqrt();
         Self {
             jammer: jammer.clone(),

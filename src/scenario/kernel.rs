@@ -108,7 +108,7 @@ mod tests {
     use crate::gnss::{Sv, signal};
 
     #[test]
-    fn kernels_agree_with_their_plain_scalar_twins() {
+    fn kernels_agree_with_their_scalar_versions() {
         let code = signal::of(Sv::from_prn(7).unwrap()).code();
         let table = chip_table(&code);
         for (start, step, cycles, len) in [
@@ -124,7 +124,7 @@ mod tests {
             mix_add(&chips, first, cycles, &mut re, &mut im);
             for k in 0..len {
                 let phase: f64 = start + step * k as f64;
-                // 2^-53 chips x 2048 steps: no tie is that near a chip's edge here, except exact ones.
+                // 2^-53 chips x 2048 steps: no phase is that near a chip's edge here, except exact ones.
                 let chip = f64::from(code[phase.floor() as usize % code.len()]);
                 assert_eq!(f64::from(chips[k]), chip, "sample {k}");
                 let turn = Complex64::cis(std::f64::consts::TAU * cycles * k as f64);

@@ -2,7 +2,7 @@
 
 use crate::gnss::message::lnav::{
     Almanac, DATA_ID_GPS, DATA_ID_REPEATED, Header, Health1To24, Health25To32, IonosphereUtc,
-    LnavError, Message, SUBFRAME_BITS, Subframe1, encode_with_data_id, page_sv_id,
+    LnavError, LnavMessage, SUBFRAME_BITS, Subframe1, encode_with_data_id, page_sv_id,
 };
 use crate::gnss::time::SECONDS_PER_WEEK;
 use crate::gnss::{Constellation, Ephemeris, GpsTime, signal};
@@ -13,7 +13,7 @@ const PAGES: i64 = 25;
 /// Subframes in a week.
 const SUBFRAMES_PER_WEEK: i64 = SECONDS_PER_WEEK / 6;
 
-/// What all satellites say of the whole constellation in subframes 4 and 5.
+/// The contents of subframes 4 and 5, the same from all satellites.
 #[derive(Clone, Debug)]
 pub struct ConstellationMessage {
     almanacs: Vec<Almanac>,
@@ -35,7 +35,7 @@ impl ConstellationMessage {
     }
 
     /// Message of a page (1 to 25) of subframe 4 or 5 (IS-GPS-200N table 20-V).
-    fn page(&self, subframe: u8, page: u8) -> Message {
+    fn page(&self, subframe: u8, page: u8) -> LnavMessage {
         let health = |prn: u8| {
             let almanac = self.almanacs.iter().find(|a| a.sv_id == prn);
             almanac.map_or(63, |a| a.health & 63)
@@ -43,19 +43,19 @@ impl ConstellationMessage {
         match (page_sv_id(subframe, page), &self.ionosphere_utc) {
             (id @ 1..=32, _) => {
                 let almanac = self.almanacs.iter().find(|a| a.sv_id == id);
-                almanac.map_or(Message::Other(0), |a| Message::Almanac(a.clone()))
+                almanac.map_or(LnavMessage::Other(0), |a| LnavMessage::Almanac(a.clone()))
             }
-            (56, Some(page)) => Message::IonosphereUtc(page.clone()),
-            (51, _) => Message::Health1To24(Health1To24 {
+            (56, Some(page)) => LnavMessage::IonosphereUtc(page.clone()),
+            (51, _) => LnavMessage::Health1To24(Health1To24 {
                 toa: self.time_of_almanac.tow(),
                 week_a: self.time_of_almanac.week().rem_euclid(256) as u8,
                 health: std::array::from_fn(|k| health(k as u8 + 1)),
             }),
-            (63, _) => Message::Health25To32(Health25To32 {
+            (63, _) => LnavMessage::Health25To32(Health25To32 {
                 configuration: [9; 32],
                 health: std::array::from_fn(|k| health(k as u8 + 25)),
             }),
-            (id, _) => Message::Other(id),
+            (id, _) => LnavMessage::Other(id),
         }
     }
 }
@@ -71,7 +71,7 @@ pub struct MessageStream {
 }
 
 impl MessageStream {
-    /// The stream of a satellite, or which of its values does not fit its field.
+    /// The stream of a satellite.
     pub fn new(
         ephemeris: Ephemeris,
         constellation: Arc<ConstellationMessage>,
@@ -90,9 +90,9 @@ impl MessageStream {
         let id = (in_week % 5 + 1) as u8;
         let page = (in_week / 5 % PAGES + 1) as u8;
         let message = match id {
-            1 => Message::Clock(Subframe1::new(&self.ephemeris, week as i32)),
-            2 => Message::Orbit((&self.ephemeris).into()),
-            3 => Message::Orientation((&self.ephemeris).into()),
+            1 => LnavMessage::Clock(Subframe1::new(&self.ephemeris, week as i32)),
+            2 => LnavMessage::Orbit((&self.ephemeris).into()),
+            3 => LnavMessage::Orientation((&self.ephemeris).into()),
             _ => self.constellation.page(id, page),
         };
         let data_id = match self.ephemeris.sv.constellation() {
@@ -129,9 +129,9 @@ mod tests {
         let eph = sample_ephemeris();
         let start = eph.toe;
         let page_18 = IonosphereUtc { delta_t_ls: 18.0, ..IonosphereUtc::default() };
-        let shared =
+        let common =
             Arc::new(ConstellationMessage::new([&eph].into_iter(), Some(page_18.clone()), start));
-        let mut stream = MessageStream::new(eph.clone(), shared).unwrap();
+        let mut stream = MessageStream::new(eph.clone(), common).unwrap();
         // 750 s from a multiple of 750 s after the week's start: all 25 pages in order.
         let first_ms = (i64::from(start.week()) * SECONDS_PER_WEEK + 518_250) * 1000;
         let mut clock = None;
@@ -151,27 +151,27 @@ mod tests {
             assert_eq!(i64::from(header.id), subframe % 5 + 1);
             assert_eq!(header.tow(), 518_250.0 + 6.0 * subframe as f64);
             match message {
-                Message::Clock(s1) => clock = Some((s1, header.tow())),
-                Message::Orbit(s2) => orbit = Some(s2),
-                Message::Orientation(s3) => {
+                LnavMessage::Clock(s1) => clock = Some((s1, header.tow())),
+                LnavMessage::Orbit(s2) => orbit = Some(s2),
+                LnavMessage::Orientation(s3) => {
                     let (s1, tow) = clock.as_ref().unwrap();
                     let parts = (s1, orbit.as_ref().unwrap(), &s3);
                     decoded = assemble(eph.sv, parts, *tow, start.week());
                 }
-                Message::Almanac(a) => ids.push((header.id, a.sv_id)),
-                Message::IonosphereUtc(p) => {
+                LnavMessage::Almanac(a) => ids.push((header.id, a.sv_id)),
+                LnavMessage::IonosphereUtc(p) => {
                     assert_eq!((subframe / 5 + 1, p), (18, page_18.clone()));
                     ids.push((4, 56));
                 }
-                Message::Health25To32(h) => {
+                LnavMessage::Health25To32(h) => {
                     assert_eq!((subframe / 5 + 1, h.health[0]), (25, 63));
                     ids.push((4, 63));
                 }
-                Message::Health1To24(h) => {
+                LnavMessage::Health1To24(h) => {
                     assert_eq!((subframe / 5 + 1, h.health[0], h.health[1]), (25, 0, 63));
                     ids.push((5, 51));
                 }
-                Message::Other(_) => {}
+                LnavMessage::Other(_) => {}
             }
         }
         assert_eq!(ids, [(5, 1), (4, 56), (4, 63), (5, 51)]);

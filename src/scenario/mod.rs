@@ -1,14 +1,14 @@
-//! Scenarios: captures made from first principles, with known truth.
+//! Scenarios: simulated captures with known truth.
 //!
-//! A [`Scenario`] (a TOML file) says where the orbits come from, where the receiver is, how it moves and
-//! what its clock does, how strong the signals are, and what noise and front end do to them.
+//! A [`Scenario`] (a TOML file) describes orbits, position, motion and clock of the receiver, signal levels,
+//! noise and front end.
 //! [`ScenarioSource`] gives the samples as any other source does, and the truth at any sample.
 //!
 //! The chain, one file each: `constellation` and navigation files give ephemerides; `pseudorange` the
-//! exact code and carrier range by the receiver's clock; `message` the bits; `emission` makes chips and
-//! carrier of them, with each element's response, and `element` (on `kernel`) the samples at the antenna,
-//! where `noise`, `jammer` and spoofer (`direction`) add theirs; `front_end` (with `fir` and `quantiser`)
-//! makes of them what an ADC gives.
+//! exact code and carrier range by the receiver's clock; `message` the bits; `emission` modulates
+//! them on code and carrier, with each element's response, and `element` (on `kernel`) sums the signals at the
+//! antenna with `noise`, `jammer` and spoofer (`direction`); `front_end` (with `fir` and `quantiser`) turns
+//! that into ADC samples.
 
 pub mod config;
 pub mod constellation;

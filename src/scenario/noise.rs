@@ -1,6 +1,6 @@
 //! Thermal and impulsive noise: complex Gaussian, and a Gaussian mixture of two components.
 //!
-//! Normal deviates come from the Box-Muller transform in single precision (the logarithm, sine and
+//! Normal random numbers come from the Box-Muller transform in single precision (the logarithm, sine and
 //! cosine are polynomials, so that the loop runs in vector registers) on the bits of a ChaCha8
 //! generator. Sample n always takes the same words of the generator's stream, wherever the blocks
 //! begin and whichever thread computes it. Tails reach 6.6 sigma.
@@ -9,12 +9,12 @@ use multiversion::multiversion;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The law of the noise of one complex sample: circular Gaussian of unit variance (the background),
-/// except that a share of the samples, drawn independently, has a variance `ratio` times as large.
+/// The distribution of the noise of one complex sample: circular Gaussian of unit variance (the background),
+/// or with `probability`, independently of other samples, of a variance `ratio` times as large (an impulse).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaussianMixture {
-    /// Share of impulsive samples, 0 to 1 (0: white Gaussian noise).
-    pub share: f64,
+    /// Probability that a sample is impulsive, 0 to 1 (0: white Gaussian noise).
+    pub probability: f64,
     /// Variance of impulsive samples over that of the background, > 0.
     pub ratio: f64,
 }
@@ -22,7 +22,7 @@ pub struct GaussianMixture {
 impl GaussianMixture {
     /// Variance of the mixture for a background of unit variance.
     pub fn variance(self) -> f64 {
-        1.0 + self.share * (self.ratio - 1.0)
+        1.0 + self.probability * (self.ratio - 1.0)
     }
 }
 
@@ -30,46 +30,49 @@ impl GaussianMixture {
 pub struct NoiseSource {
     normal: ChaCha8Rng,
     gate: ChaCha8Rng,
-    law: GaussianMixture,
+    mixture: GaussianMixture,
     common: Option<CommonImpulses>,
     bits: Vec<u32>,
 }
 
-/// Impulses that strike all channels at once.
+/// Impulses that are in all channels at once.
 struct CommonImpulses {
     gate: ChaCha8Rng,
     threshold: u64,
     bits: Vec<u32>,
 }
 
-/// What a 32-bit word is below with this probability.
-fn threshold(share: f64) -> u64 {
-    (share * 2f64.powi(32)) as u64
+/// The number that a random 32-bit word is below with this probability.
+fn threshold(probability: f64) -> u64 {
+    (probability * 2f64.powi(32)) as u64
 }
 
 impl NoiseSource {
-    /// Noise of `law` from `seed`, independent between values of `channel` below 2^30.
-    pub fn new(law: GaussianMixture, seed: u64, channel: usize) -> Self {
+    /// Noise of the distribution `mixture` from `seed`, independent between values of `channel` below 2^30.
+    pub fn new(mixture: GaussianMixture, seed: u64, channel: usize) -> Self {
         let stream = |kind: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(kind << 32 | channel as u64);
             rng
         };
-        Self { normal: stream(1), gate: stream(2), law, common: None, bits: Vec::new() }
+        Self { normal: stream(1), gate: stream(2), mixture, common: None, bits: Vec::new() }
     }
 
-    /// The same where a share `common` of the impulses strikes all channels of this `seed` at once, each
-    /// with noise of its own. The share of impulsive samples at a channel stays that of the law: with a
-    /// common share a = e common, a channel's own is b with 1 - (1 - a)(1 - b) = e.
+    /// The same where a fraction `common` of the impulses is in all channels of this `seed` at once, each
+    /// with noise of its own. The probability e of impulses at a channel stays that of the mixture: with
+    /// a = e `common` of a common impulse, that of a channel's own is b with 1 - (1 - a)(1 - b) = e.
     pub fn with_common_impulses(mut self, common: f64, seed: u64) -> Self {
-        let share = self.law.share * common;
-        if share > 0.0 {
+        let probability = self.mixture.probability * common;
+        if probability > 0.0 {
             let mut gate = ChaCha8Rng::seed_from_u64(seed);
             gate.set_stream(4 << 32);
             self.common =
-                Some(CommonImpulses { gate, threshold: threshold(share), bits: Vec::new() });
-            self.law.share =
-                if share < 1.0 { (self.law.share - share) / (1.0 - share) } else { 0.0 };
+                Some(CommonImpulses { gate, threshold: threshold(probability), bits: Vec::new() });
+            self.mixture.probability = if probability < 1.0 {
+                (self.mixture.probability - probability) / (1.0 - probability)
+            } else {
+                0.0
+            };
         }
         self
     }
@@ -82,7 +85,7 @@ impl NoiseSource {
         self.normal.fill_bytes(bytemuck::cast_slice_mut(&mut self.bits));
         let sigma = std::f32::consts::FRAC_1_SQRT_2;
         let background = [sigma; 2];
-        if self.law.share == 0.0 && self.common.is_none() {
+        if self.mixture.probability == 0.0 && self.common.is_none() {
             return add_normal(&self.bits, &[], 0, background, re, im);
         }
         let (bits, gates) = (self.bits.len(), len);
@@ -90,7 +93,7 @@ impl NoiseSource {
         let (normal, gate) = self.bits.split_at_mut(bits);
         self.gate.set_word_pos(u128::from(first));
         self.gate.fill_bytes(bytemuck::cast_slice_mut(gate));
-        let mut threshold = threshold(self.law.share);
+        let mut threshold = threshold(self.mixture.probability);
         if let Some(common) = &mut self.common {
             // A gate word of 0 is an impulse.
             threshold = threshold.max(1);
@@ -101,7 +104,7 @@ impl NoiseSource {
                 *word *= u32::from(u64::from(common_word) >= common.threshold);
             }
         }
-        let sigmas = [sigma, sigma * self.law.ratio.sqrt() as f32];
+        let sigmas = [sigma, sigma * self.mixture.ratio.sqrt() as f32];
         add_normal(normal, gate, threshold, sigmas, re, im);
     }
 }
@@ -142,7 +145,7 @@ fn add_box_muller(pairs: &[[u32; 2]], scale: &[f32], re: &mut [f32], im: &mut [f
     }
 }
 
-/// Two independent standard normal deviates from two words of uniform bits: the radius
+/// Two independent standard normal numbers from two words of uniform bits: the radius
 /// sqrt(-2 ln u) with u = (31 bits + 1/2) / 2^31, and a direction of 32 bits.
 #[inline(always)]
 fn box_muller(a: u32, b: u32) -> (f32, f32) {
@@ -187,9 +190,9 @@ fn ln(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn draw(law: GaussianMixture, seed: u64, len: usize) -> (Vec<f32>, Vec<f32>) {
+    fn draw(mixture: GaussianMixture, seed: u64, len: usize) -> (Vec<f32>, Vec<f32>) {
         let (mut re, mut im) = (vec![0.0; len], vec![0.0; len]);
-        NoiseSource::new(law, seed, 0).add(0, &mut re, &mut im);
+        NoiseSource::new(mixture, seed, 0).add(0, &mut re, &mut im);
         (re, im)
     }
 
@@ -214,10 +217,10 @@ mod tests {
     #[test]
     fn noise_is_normal_by_chi_square_to_five_sigma_and_white() {
         let n = 1 << 22;
-        let (re, im) = draw(GaussianMixture { share: 0.0, ratio: 1.0 }, 3, n);
+        let (re, im) = draw(GaussianMixture { probability: 0.0, ratio: 1.0 }, 3, n);
         let all: Vec<f64> = re.iter().chain(&im).map(|&x| f64::from(x) * 2f64.sqrt()).collect();
         let count = all.len() as f64;
-        // Bins of a quarter sigma from -5 to 5 and the two tails; the law is the normal integral.
+        // Bins of a quarter sigma from -5 to 5 and the two tails, against the normal integral.
         let cdf = |x: f64| 0.5 * erfc(-x / 2f64.sqrt());
         let mut bins = [0u32; 42];
         for &x in &all {
@@ -232,15 +235,15 @@ mod tests {
                 (f64::from(bins[i]) - expected).powi(2) / expected
             })
             .sum();
-        // 41 degrees of freedom: mean 41, deviation 9; the 1e-5 point is 90.
+        // 41 degrees of freedom: mean 41, standard deviation 9; the 1e-5 point is 90.
         assert!(chi_square < 90.0, "chi-square {chi_square}");
-        // Moments: deviations of the mean, variance and kurtosis are 1, sqrt 2, sqrt 24 over sqrt n.
+        // Moments: standard deviations of the mean, variance and kurtosis are 1, sqrt 2, sqrt 24 over sqrt n.
         let moment = |p: i32| all.iter().map(|x| x.powi(p)).sum::<f64>() / count;
         let five_sigma = 5.0 / count.sqrt();
         assert!(moment(1).abs() < five_sigma);
         assert!((moment(2) - 1.0).abs() < five_sigma * 2f64.sqrt());
         assert!((moment(4) - 3.0).abs() < five_sigma * 96f64.sqrt());
-        // Whiteness: correlation at any lag, and between the rails, has deviation 1 / sqrt n.
+        // Whiteness: correlation at any lag, and of I with Q, has the standard deviation 1 / sqrt n.
         let bound = 5.0 / (n as f64).sqrt();
         let correlation = |a: &[f32], b: &[f32]| {
             2.0 * a.iter().zip(b).map(|(x, y)| f64::from(x * y)).sum::<f64>() / n as f64
@@ -253,34 +256,34 @@ mod tests {
     }
 
     #[test]
-    fn a_mixture_has_the_share_and_the_moments_asked_for() {
-        let law = GaussianMixture { share: 0.1, ratio: 50.0 };
+    fn a_mixture_has_its_theoretical_moments() {
+        let mixture = GaussianMixture { probability: 0.1, ratio: 50.0 };
         let n = 1 << 20;
-        let (re, im) = draw(law, 5, n);
+        let (re, im) = draw(mixture, 5, n);
         let power: Vec<f64> = re.iter().zip(&im).map(|(x, y)| f64::from(x * x + y * y)).collect();
         let mean = power.iter().sum::<f64>() / n as f64;
         let square = power.iter().map(|p| p * p).sum::<f64>() / n as f64;
         // |z|^2 is exponential in each component: E p = v, E p^2 = 2 (1 - e + e K^2), and so on.
         let raw = |m: i32, factorial: f64| factorial * (0.9 + 0.1 * 50f64.powi(m));
-        let deviation =
+        let sigma =
             |m: i32, f: f64, f2: f64| ((raw(2 * m, f2) - raw(m, f).powi(2)) / n as f64).sqrt();
-        assert_eq!(law.variance(), raw(1, 1.0));
-        assert!((mean - law.variance()).abs() < 5.0 * deviation(1, 1.0, 2.0), "{mean}");
-        assert!((square - raw(2, 2.0)).abs() < 5.0 * deviation(2, 2.0, 24.0), "{square}");
+        assert_eq!(mixture.variance(), raw(1, 1.0));
+        assert!((mean - mixture.variance()).abs() < 5.0 * sigma(1, 1.0, 2.0), "{mean}");
+        assert!((square - raw(2, 2.0)).abs() < 5.0 * sigma(2, 2.0, 24.0), "{square}");
     }
 
     #[test]
     fn any_blocks_give_the_same_noise_and_other_channels_another() {
-        let law = GaussianMixture { share: 0.3, ratio: 9.0 };
-        let (re, _) = draw(law, 9, 1000);
-        let mut source = NoiseSource::new(law, 9, 0);
+        let mixture = GaussianMixture { probability: 0.3, ratio: 9.0 };
+        let (re, _) = draw(mixture, 9, 1000);
+        let mut source = NoiseSource::new(mixture, 9, 0);
         for (first, len) in [(500, 500), (0, 1), (1, 77), (78, 422)] {
             let (mut a, mut b) = (vec![0.0; len], vec![0.0; len]);
             source.add(first as u64, &mut a, &mut b);
             assert_eq!(a, re[first..first + len]);
         }
         let (mut a, mut b) = (vec![0.0; 1000], vec![0.0; 1000]);
-        NoiseSource::new(law, 9, 1).add(0, &mut a, &mut b);
+        NoiseSource::new(mixture, 9, 1).add(0, &mut a, &mut b);
         let same = a.iter().zip(&re).filter(|(x, y)| x == y).count();
         assert!(same < 10);
     }

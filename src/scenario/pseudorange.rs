@@ -30,7 +30,7 @@ pub struct SignalPath {
     pub trajectory: Trajectory,
 }
 
-/// One satellite as the receiver sees it.
+/// Propagation from one satellite to the receiver.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Light-time solution.
@@ -44,21 +44,21 @@ pub struct View {
 }
 
 impl SignalPath {
-    /// Everything at `elapsed` seconds of the receiver's clock after the first sample:
+    /// The view at `elapsed` seconds of the receiver's clock after the first sample:
     /// P = r + c (b - dt) + T +- I (code +, carrier -), with r the range after light time and Earth
     /// rotation, b the receiver clock, dt the satellite clock of an L1 C/A user (polynomial,
     /// relativity, -T_GD), T and I the delays of troposphere and ionosphere. The satellite's motion
-    /// during those delays (below 0.1 mm) is left out, as every receiver model does.
+    /// during those delays (below 0.1 mm) is neglected, as in receivers' models.
     pub fn view(&self, elapsed: f64) -> View {
         let receiver = self.trajectory.state(elapsed);
         let propagation = Propagation::solve(&self.ephemeris, &receiver.position_m, receiver.time);
         let satellite = &propagation.satellite;
         let (azimuth, elevation) = azimuth_elevation(&receiver.position_m, &satellite.position_m);
-        let place = Geodetic::from_ecef(&receiver.position_m);
-        let delay = |model: &Klobuchar| model.delay_m(place, azimuth, elevation, receiver.time);
+        let position = Geodetic::from_ecef(&receiver.position_m);
+        let delay = |model: &Klobuchar| model.delay_m(position, azimuth, elevation, receiver.time);
         let ionosphere = self.ionosphere.as_ref().map_or(0.0, delay);
         let clocks = SPEED_OF_LIGHT * (receiver.clock_bias_s - satellite.clock_bias_s);
-        let common = propagation.range_m + clocks + self.troposphere.delay_m(place, elevation);
+        let common = propagation.range_m + clocks + self.troposphere.delay_m(position, elevation);
         let pseudorange =
             Pseudoranges { code_m: common + ionosphere, carrier_m: common - ionosphere };
         View { propagation, azimuth, elevation, pseudorange }
@@ -125,8 +125,8 @@ impl PseudorangeTable {
         &self.knots[2]
     }
 
-    /// Pseudoranges at a share `x` (0 to 1) of the current interval (Lagrange's cubic, in the form of
-    /// Neville's divided differences around the first middle knot, which keeps all digits).
+    /// Pseudoranges at the fraction `x` (0 to 1) of the current interval (Lagrange's cubic, in the form of
+    /// Neville's divided differences around the first middle knot, which loses no digits).
     pub fn at(&self, x: f64) -> Pseudoranges {
         let cubic = |get: fn(&Pseudoranges) -> f64| {
             let [a, b, c, d] = self.knots.each_ref().map(|k| get(&k.pseudorange));
@@ -140,15 +140,15 @@ impl PseudorangeTable {
 
 #[cfg(test)]
 mod tests {
-    use super::super::receiver::{Motion, Place, Receiver};
+    use super::super::receiver::{AntennaPosition, Motion, SimulatedReceiver};
     use super::*;
     use crate::gnss::orbit::broadcast::sample_ephemeris;
 
     #[test]
     fn interpolated_pseudoranges_are_exact_to_a_tenth_of_a_millimetre_on_a_violent_circle() {
         let ephemeris = sample_ephemeris();
-        let receiver = Receiver {
-            position: Place::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]),
+        let receiver = SimulatedReceiver {
+            position: AntennaPosition::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]),
             // 100 m/s at 12.5 m: 800 m/s^2 and 8 rad/s.
             motion: Motion::Circle { radius_m: 12.5, speed_mps: 100.0 },
             clock_offset_s: 1e-3,
@@ -181,9 +181,9 @@ mod tests {
     #[test]
     fn code_and_carrier_diverge_by_twice_the_ionosphere_and_the_rate_is_the_range_rate() {
         let ephemeris = sample_ephemeris();
-        let place = Place::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]);
-        let receiver = Receiver {
-            position: place,
+        let antenna = AntennaPosition::EcefM([3_959_617.5, -3_350_136.6, -3_699_531.5]);
+        let receiver = SimulatedReceiver {
+            position: antenna,
             motion: Motion::Static,
             clock_offset_s: 0.0,
             clock_drift_ppm: 1.0,
@@ -196,7 +196,7 @@ mod tests {
             troposphere: Troposphere::None,
         };
         let view = path.view(10.0);
-        let ground = Geodetic::from_ecef(&place.ecef());
+        let ground = Geodetic::from_ecef(&antenna.ecef());
         let time = path.trajectory.state(10.0).time;
         let delay = model.delay_m(ground, view.azimuth, view.elevation, time);
         let divergence = view.pseudorange.code_m - view.pseudorange.carrier_m;
@@ -206,7 +206,7 @@ mod tests {
         // d P / ds = (v_s . u (1 - v_s . u / c) + c (d_r - d_s)) / (1 + d), Sagnac included in the frame.
         let still = SignalPath { ionosphere: None, ..path };
         let satellite = view.propagation.satellite;
-        let toward = (satellite.position_m - place.ecef()).normalize();
+        let toward = (satellite.position_m - antenna.ecef()).normalize();
         let rotation = nalgebra::Vector3::new(0.0, 0.0, crate::gnss::constants::OMEGA_EARTH);
         let frame = rotation.cross(&satellite.position_m).dot(&toward);
         let radial = satellite.velocity_mps.dot(&toward);

@@ -2,7 +2,7 @@
 
 use multiversion::multiversion;
 
-/// A uniform quantiser of rails with unit rms.
+/// A uniform quantiser of I and Q with unit rms.
 ///
 /// With 1 to 4 bits it is symmetric without zero and gives the odd numbers -(2^b - 1) .. 2^b - 1
 /// (units of half a step); with 8 and 16 bits it rounds to integers within +-(2^(b-1) - 1).
@@ -13,8 +13,8 @@ pub struct Quantiser {
 }
 
 impl Quantiser {
-    /// A quantiser of 1, 2, 3, 4, 8 or 16 bits with the given rms in steps, or by default the step that
-    /// loses least with Gaussian input (Max 1960, table II: 0.9957, 0.5860, 0.3352 rms for 2, 3, 4
+    /// A quantiser of 1, 2, 3, 4, 8 or 16 bits with the given rms in steps, or by default the step of
+    /// minimum loss for Gaussian input (Max 1960, table II: 0.9957, 0.5860, 0.3352 rms for 2, 3, 4
     /// bits; 8 bits clip at 3.9 rms, 16 bits at 8 rms).
     pub fn new(bits: u32, rms_steps: Option<f64>) -> Self {
         let best = match bits {
@@ -28,28 +28,28 @@ impl Quantiser {
         Self { bits, steps_per_rms: rms_steps.unwrap_or(best) as f32 }
     }
 
-    /// Quantises rails in place.
-    pub fn apply(&self, rails: &mut [f32]) {
+    /// Quantises I and Q in place.
+    pub fn apply(&self, values: &mut [f32]) {
         if self.bits <= 4 {
             let limit = ((1 << self.bits) - 1) as f32;
-            odd(self.steps_per_rms, limit, rails);
+            odd(self.steps_per_rms, limit, values);
         } else {
             let limit = ((1 << (self.bits - 1)) - 1) as f32;
-            integer(self.steps_per_rms, limit, rails);
+            integer(self.steps_per_rms, limit, values);
         }
     }
 }
 
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-fn odd(scale: f32, limit: f32, rails: &mut [f32]) {
-    for x in rails {
+fn odd(scale: f32, limit: f32, values: &mut [f32]) {
+    for x in values {
         *x = (2.0 * (*x * scale).floor() + 1.0).max(-limit).min(limit);
     }
 }
 
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-fn integer(scale: f32, limit: f32, rails: &mut [f32]) {
-    for x in rails {
+fn integer(scale: f32, limit: f32, values: &mut [f32]) {
+    for x in values {
         *x = (*x * scale + 0.5).floor().max(-limit).min(limit);
     }
 }
@@ -64,7 +64,8 @@ mod tests {
     fn loss_db(bits: u32, rms_steps: Option<f64>) -> f64 {
         let n = 1 << 20;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
-        NoiseSource::new(GaussianMixture { share: 0.0, ratio: 1.0 }, 11, 0).add(0, &mut x, &mut y);
+        NoiseSource::new(GaussianMixture { probability: 0.0, ratio: 1.0 }, 11, 0)
+            .add(0, &mut x, &mut y);
         x.append(&mut y);
         x.iter_mut().for_each(|v| *v *= 2f32.sqrt());
         let mut q = x.clone();
@@ -77,9 +78,9 @@ mod tests {
     }
 
     #[test]
-    fn quantisers_lose_what_theory_says() {
+    fn quantisers_have_the_theoretical_loss() {
         // 1 bit: 2/pi. 2, 3, 4 bits at the best uniform step: -10 log10(1 - distortion) with Max's
-        // distortions 0.1188, 0.03744, 0.01154. Deviation of the estimate of E[xy] over 2^21 draws:
+        // distortions 0.1188, 0.03744, 0.01154. Standard deviation of the estimate of E[xy] over 2^21 draws:
         // below 1e-3, 0.005 dB.
         for (bits, loss) in [(1, 1.961), (2, 0.549), (3, 0.1657), (4, 0.0504), (8, 0.0), (16, 0.0)]
         {

@@ -1,4 +1,4 @@
-//! Samples as plain bytes, for pipes and for receivers that know no metadata.
+//! Samples as plain bytes, for pipes and for receivers that read no metadata.
 
 use crate::capture::{Block, Datatype};
 use multiversion::multiversion;

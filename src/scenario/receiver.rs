@@ -6,16 +6,16 @@ use crate::gnss::coordinates::Geodetic;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Greatest acceleration, m/s^2, for which a carrier phase that is linear over 1 ms segments stays
+/// Maximum acceleration, m/s^2, for which a carrier phase that is linear over 1 ms segments stays
 /// within 1e-4 m: a T^2 / 8.
 pub const MAX_ACCELERATION: f64 = 800.0;
 
 /// The receiver of a scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Receiver {
+pub struct SimulatedReceiver {
     /// Where it is at the first sample; of a circle, the centre.
-    pub position: Place,
+    pub position: AntennaPosition,
     /// How it moves.
     #[serde(default)]
     pub motion: Motion,
@@ -28,10 +28,10 @@ pub struct Receiver {
     pub clock_drift_ppm: f64,
 }
 
-/// A place on the Earth.
+/// Position of the antenna.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Place {
+pub enum AntennaPosition {
     /// Earth-centred Earth-fixed coordinates, m.
     EcefM([f64; 3]),
     /// On WGS 84.
@@ -48,7 +48,7 @@ pub enum Place {
     },
 }
 
-impl Place {
+impl AntennaPosition {
     /// In ECEF metres.
     pub fn ecef(self) -> Vector3<f64> {
         match self {
@@ -64,7 +64,7 @@ impl Place {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Motion {
-    /// Not at all.
+    /// At rest.
     #[default]
     Static,
     /// On a straight line (in ECEF) with constant velocity.
@@ -88,7 +88,7 @@ pub enum Motion {
 pub struct ReceiverState {
     /// True GPS time.
     pub time: GpsTime,
-    /// What the receiver's clock shows.
+    /// Reading of the receiver's clock.
     pub clock_reading: GpsTime,
     /// Antenna position, m, ECEF.
     pub position_m: Vector3<f64>,
@@ -115,7 +115,7 @@ pub struct Trajectory {
 
 impl Trajectory {
     /// The path of `receiver`, whose clock shows `start` at the first sample.
-    pub fn new(receiver: &Receiver, start: GpsTime) -> Self {
+    pub fn new(receiver: &SimulatedReceiver, start: GpsTime) -> Self {
         let origin_m = receiver.position.ecef();
         let enu = Geodetic::from_ecef(&origin_m).ecef_to_enu();
         let axis = |i: usize| enu.row(i).transpose();
@@ -168,16 +168,17 @@ impl Trajectory {
 mod tests {
     use super::*;
 
-    fn receiver(motion: Motion) -> Receiver {
-        let position = Place::Geodetic { latitude_deg: 48.0, longitude_deg: 11.0, height_m: 500.0 };
-        Receiver { position, motion, clock_offset_s: 1e-3, clock_drift_ppm: 2.0 }
+    fn receiver(motion: Motion) -> SimulatedReceiver {
+        let position =
+            AntennaPosition::Geodetic { latitude_deg: 48.0, longitude_deg: 11.0, height_m: 500.0 };
+        SimulatedReceiver { position, motion, clock_offset_s: 1e-3, clock_drift_ppm: 2.0 }
     }
 
     #[test]
     fn a_circle_keeps_its_radius_speed_and_height_and_closes() {
         let circle = Motion::Circle { radius_m: 100.0, speed_mps: 20.0 };
         let path = Trajectory::new(&receiver(circle), GpsTime::from_week_tow(2190, 0.0));
-        let centre = Place::ecef(receiver(circle).position);
+        let centre = AntennaPosition::ecef(receiver(circle).position);
         let up = centre.normalize();
         for k in 0..20 {
             let s = path.state(f64::from(k) * 1.7);

@@ -1,4 +1,4 @@
-//! From a scenario to its satellites in view.
+//! The satellites of a scenario in view.
 
 use super::config::{Ionosphere, Orbits};
 use super::kernel::{TABLE, chip_table};
@@ -27,12 +27,12 @@ pub(super) struct Emitter {
     pub message: MessageStream,
     /// Carrier phase at zero range, cycles.
     pub phase: f64,
-    /// The spoofer that sends its signal: from where (east, north, up), and from when on, s.
+    /// The spoofer that sends its signal: direction (east, north, up) and start, s.
     pub spoofer: Option<(Unit<Vector3<f64>>, f64)>,
 }
 
 impl Emitter {
-    /// From where its signal arrives (east, north, up), when not from the satellite, s after the start.
+    /// Direction (east, north, up) of its signal `elapsed` s after the start, where a spoofer sends it.
     pub fn spoofed_from(&self, elapsed: f64) -> Option<Unit<Vector3<f64>>> {
         // What lies before the first sample is the past of the front end's filter.
         self.spoofer.filter(|(_, start)| elapsed.max(0.0) >= *start).map(|(towards, _)| towards)
@@ -40,7 +40,7 @@ impl Emitter {
 }
 
 impl Scenario {
-    /// Orbits, ionosphere and UTC parameters: what a navigation file of the scenario's sky would say.
+    /// Orbits, ionosphere and UTC parameters, as a navigation file of the scenario would have them.
     ///
     /// # Errors
     /// When the navigation file cannot be read.
@@ -64,7 +64,7 @@ impl Scenario {
             let gps = data.satellites().filter(|sv| sv.constellation() == Constellation::Gps);
             let valid: Vec<Ephemeris> =
                 gps.filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
-            // A file of another day: say so of the first satellite.
+            // A file of another day: reported for the first satellite.
             return match (valid.is_empty(), data.satellites().next()) {
                 (true, Some(sv)) => self.ephemeris(data, sv).map(|e| vec![e]),
                 _ => Ok(valid),
@@ -147,7 +147,7 @@ impl Scenario {
         Ok(emitters)
     }
 
-    /// What subframes 4 and 5 say: almanacs from the ephemerides in force, and page 18.
+    /// Contents of subframes 4 and 5: almanacs from the valid ephemerides, and page 18.
     fn broadcast(&self, data: &NavigationData) -> ConstellationMessage {
         let leap = self.start.leap_seconds();
         // Without UTC parameters in the file: GPS minus UTC is the leap seconds, and no change is due.

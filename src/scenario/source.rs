@@ -12,13 +12,13 @@ use crate::gnss::{Sv, signal};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-/// A source that makes the samples of a [`Scenario`]: any blocks give the same samples, and any number of
-/// threads.
+/// Samples of a [`Scenario`], independent of block lengths and of the number of threads.
 ///
 /// The stream is made in frames of 8 segments; a segment is the power of two of samples that lasts at
-/// most one period of the shortest code. Each frame is a function of its index, and the front end runs over the frames in order,
-/// beginning one frame before the first sample so that its filter has a past. What the satellites send is
-/// made once, and the elements of an array take it in parallel.
+/// most one period of the shortest code. Each frame is a function of its index, and the front end runs over the
+/// frames in order,
+/// beginning one frame before the first sample to fill its filter. The satellites' signals are
+/// generated once, and added to the elements of an array in parallel.
 pub struct ScenarioSource {
     info: StreamInfo,
     scenario: Scenario,
@@ -30,7 +30,7 @@ pub struct ScenarioSource {
     front_end: Box<dyn FrontEnd>,
     /// Samples in a segment.
     segment: usize,
-    /// Segments that are made at a time.
+    /// Segments generated at a time.
     batch: usize,
     next_frame: i64,
     ready: Vec<Vec<Complex32>>,
@@ -42,14 +42,14 @@ impl ScenarioSource {
     /// The source of a scenario with the standard front end.
     ///
     /// # Errors
-    /// When orbits cannot be read, are of another time, or show no satellite.
+    /// When orbits cannot be read, are of another time, or no satellite is in view.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         Self::build(scenario, |channels, power| {
             Box::new(StandardFrontEnd::new(&scenario.front_end, channels, power))
         })
     }
 
-    /// The source of a scenario with another front end, which takes the place of the standard one
+    /// The source of a scenario with another front end, in place of the standard one
     /// (whose rate and IF settings still describe the stream).
     ///
     /// # Errors
@@ -159,7 +159,7 @@ impl ScenarioSource {
         Ok(())
     }
 
-    /// Samples ready to be taken; makes the next frame when there are none.
+    /// Samples not yet read; generates the next frame when there are none.
     fn available(&mut self) -> Result<usize, (Sv, LnavError)> {
         if self.taken == self.ready[0].len() {
             self.make_frame()?;

@@ -1,4 +1,4 @@
-//! What is true of a simulated capture.
+//! The truth of a simulated capture.
 
 use super::sky::Emitter;
 use super::{Scenario, ScenarioSource};
@@ -9,10 +9,10 @@ use crate::gnss::coordinates::Geodetic;
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
-/// The truth of a capture, as it is written beside it.
+/// The truth of a capture, as written beside it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Truth {
-    /// Name of this layout: `sdr-rx-truth/1`.
+    /// Schema: `sdr-rx-truth/1`.
     pub schema: &'static str,
     /// The scenario with all defaults; its array is the real one, errors drawn and included.
     pub scenario: Scenario,
@@ -23,19 +23,19 @@ pub struct Truth {
     pub epochs: Vec<TruthEpoch>,
 }
 
-/// From where a jammer's wave arrives.
+/// Direction of a jammer.
 #[derive(Clone, Debug, Serialize)]
 pub struct JammerTruth {
     /// Azimuth, degrees from north over east.
     pub azimuth_deg: f64,
     /// Elevation, degrees.
     pub elevation_deg: f64,
-    /// As the array sees it.
+    /// In the frame of the array.
     #[serde(flatten)]
     pub arrival: Option<ArrivalTruth>,
 }
 
-/// How a wave arrives at the array.
+/// Direction of a wave in the frame of the array.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ArrivalTruth {
     /// Unit vector towards the source in the frame of the array: right, forward, up.
@@ -66,7 +66,7 @@ pub struct TruthEpoch {
     pub velocity_ecef_mps: [f64; 3],
     /// Receiver clock minus GPS time, s.
     pub clock_bias_s: f64,
-    /// Rate of that, s/s.
+    /// Drift of the receiver clock, s/s.
     pub clock_drift_sps: f64,
     /// The satellites.
     pub satellites: Vec<SatelliteTruth>,
@@ -97,7 +97,7 @@ pub struct SatelliteTruth {
     pub azimuth_deg: f64,
     /// Elevation of the satellite, degrees.
     pub elevation_deg: f64,
-    /// How its signal arrives at the array (from the spoofer, when that sends it).
+    /// Direction of its signal at the array (of the spoofer, when that sends it).
     #[serde(flatten)]
     pub arrival: Option<ArrivalTruth>,
     /// Whether a spoofer sends its signal.
@@ -130,15 +130,15 @@ impl ScenarioSource {
     pub fn truth_at(&self, sample: u64) -> TruthEpoch {
         let elapsed = sample as f64 / self.info().rate_hz;
         let receiver = self.emitters()[0].range.path().trajectory.state(elapsed);
-        let place = Geodetic::from_ecef(&receiver.position_m);
+        let position = Geodetic::from_ecef(&receiver.position_m);
         TruthEpoch {
             sample,
             gps_week: receiver.time.week(),
             tow_s: receiver.time.tow(),
             position_ecef_m: receiver.position_m.into(),
-            latitude_deg: place.latitude.to_degrees(),
-            longitude_deg: place.longitude.to_degrees(),
-            height_m: place.height,
+            latitude_deg: position.latitude.to_degrees(),
+            longitude_deg: position.longitude.to_degrees(),
+            height_m: position.height,
             velocity_ecef_mps: receiver.velocity_mps.into(),
             clock_bias_s: receiver.clock_bias_s,
             clock_drift_sps: receiver.clock_drift_sps,

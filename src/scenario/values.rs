@@ -6,9 +6,9 @@ pub(crate) use crate::gnss::checked::{finite, positive, some_positive};
 use serde::de::{Deserialize, Deserializer, Error};
 use serde::ser::Serializer;
 
-/// A share, 0 to 1.
-pub fn share<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    number(d, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1")
+/// A number from 0 to 1.
+pub fn zero_to_one<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    number(d, |v| (0.0..=1.0).contains(&v), "a number from 0 to 1")
 }
 
 /// Power of a jammer over the background noise, dB.
@@ -16,7 +16,7 @@ pub fn power<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (-100.0..=150.0).contains(&v), "-100 to 150 dB")
 }
 
-/// Carrier-to-noise density that a person can mean, dB-Hz.
+/// Plausible carrier-to-noise density, dB-Hz.
 pub fn cn0<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (0.0..=90.0).contains(&v), "0 to 90 dB-Hz")
 }
@@ -36,12 +36,12 @@ pub fn rate<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (1e6..=1e9).contains(&v), "a rate from 1e6 to 1e9 samples per second")
 }
 
-/// A fraction of a clock's rate in parts per million: beyond 1000 it is no oscillator.
+/// Frequency error of an oscillator, parts per million: more than 1000 is an error.
 pub fn ppm<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| v.abs() <= 1000.0, "-1000 to 1000 ppm")
 }
 
-/// Quantiser bits of a rail.
+/// Quantiser bits of I or Q.
 pub fn bits<'de, D: Deserializer<'de>>(d: D) -> Result<Option<u32>, D::Error> {
     match u32::deserialize(d)? {
         bits @ (1 | 2 | 3 | 4 | 8 | 16) => Ok(Some(bits)),

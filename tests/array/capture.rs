@@ -1,4 +1,5 @@
-//! Route c on the capture of an independent simulator: 2 x 2 elements, 2 MHz, 45 dB-Hz, clean noise.
+//! Signals by their code periods in the capture of an independent simulator: 2 x 2 elements, 2 MHz, 45 dB-Hz,
+//! clean noise.
 
 use crate::common::{Failed, Tested, data};
 use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
@@ -33,7 +34,7 @@ fn look(data: &Path, ms: usize) -> Result<CodePeriodLook, Failed> {
     Ok(search_code_periods(&channels, 2e6, 0, &CodePeriodOptions::new(4, ms))?)
 }
 
-/// Every satellite above 5 degrees, at its code phase and Doppler, and none that is not there.
+/// Every satellite above 5 degrees, at its code phase and Doppler, and no false one.
 fn shows(data: &Path, ms: usize) -> Tested {
     let text = std::fs::read_to_string(data.join("captures/sim_array4_2MHz_0.5s_cs8.json"))?;
     let truth: Value = serde_json::from_str(&text)?;
@@ -46,16 +47,16 @@ fn shows(data: &Path, ms: usize) -> Tested {
     let mut errors = Vec::new();
     for found in &look.found {
         let a = &found.acquisition;
-        let Some(sky) = truth.get(&a.sv().prn().to_string()) else {
-            errors.push(format!("{} is not there: {a:?}", a.sv()));
+        let Some(expected) = truth.get(&a.sv().prn().to_string()) else {
+            errors.push(format!("{} is false: {a:?}", a.sv()));
             continue;
         };
-        let number = |key: &str| sky[key].as_f64().unwrap_or(f64::NAN);
+        let number = |key: &str| expected[key].as_f64().unwrap_or(f64::NAN);
         let chips =
             (a.code_phase_chips - number("code_phase_chips") + 511.5).rem_euclid(1023.0) - 511.5;
         let hertz = a.doppler_hz - number("doppler_hz");
         println!(
-            "{} share {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz",
+            "{} fraction {:.3} {:+.3} chips {:+.1} Hz {:.1} dB-Hz",
             a.sv(),
             found.fraction,
             chips,
@@ -67,9 +68,9 @@ fn shows(data: &Path, ms: usize) -> Tested {
             errors.push(format!("{}: {chips} chips, {hertz} Hz off", a.sv()));
         }
     }
-    for (prn, sky) in truth {
+    for (prn, satellite) in truth {
         let seen = look.found.iter().any(|f| f.acquisition.sv().prn().to_string() == *prn);
-        if !seen && sky["el"].as_f64().is_some_and(|el| el > 5.0) {
+        if !seen && satellite["el"].as_f64().is_some_and(|el| el > 5.0) {
             errors.push(format!("PRN {prn} was not found"));
         }
     }

@@ -1,7 +1,7 @@
-//! Route c on simulated C/A codes in (0.1, 1, 50) noise, after the locally optimum map.
+//! Signals by their code periods: simulated C/A codes in (0.1, 1, 50) noise, after the locally optimum map.
 
 use crate::common::{Failed, Tested};
-use crate::sky::{RATE_HZ, Sky, Truth};
+use crate::scene::{RATE_HZ, Scene, Truth};
 use rayon::prelude::*;
 use sdr_rx::array::code_periods::{CodePeriodLook, CodePeriodOptions, search_code_periods};
 use sdr_rx::capture::{Block, StreamInfo};
@@ -18,7 +18,7 @@ fn code_periods_of_noise_alone_give_nothing_in_500_runs() -> Tested {
     noise_alone(500)
 }
 
-/// Impulses mapped.
+/// The samples after the locally optimum map.
 pub fn mapped(mut block: Block) -> Block {
     let info = StreamInfo {
         rate_hz: RATE_HZ,
@@ -34,12 +34,12 @@ pub fn mapped(mut block: Block) -> Block {
     block
 }
 
-/// The search of a sky.
-pub fn look(sky: &Sky) -> (CodePeriodLook, Vec<Truth>) {
-    let (block, truth) = sky.make();
+/// The search of a scene.
+pub fn look(scene: &Scene) -> (CodePeriodLook, Vec<Truth>) {
+    let (block, truth) = scene.make();
     let block = mapped(block);
     let channels: Vec<_> = (0..block.channels()).map(|m| block.channel(m)).collect();
-    let options = CodePeriodOptions::new(sky.elements, sky.ms);
+    let options = CodePeriodOptions::new(scene.elements, scene.ms);
     let look = search_code_periods(&channels, RATE_HZ, 0, &options).expect("a search");
     (look, truth)
 }
@@ -60,9 +60,9 @@ fn score(look: &CodePeriodLook, truth: &[Truth]) -> (usize, usize) {
     (right, look.found.len() - right)
 }
 
-fn all_eight(sky: Sky, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
+fn all_eight(scene: Scene, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
     let looks: Vec<_> =
-        (0..seeds).into_par_iter().map(|seed| look(&Sky { seed, ..sky.clone() })).collect();
+        (0..seeds).into_par_iter().map(|seed| look(&Scene { seed, ..scene.clone() })).collect();
     for (seed, (look, truth)) in looks.iter().enumerate() {
         let (right, wrong) = score(look, truth);
         if (right, wrong) != (8, 0) {
@@ -78,12 +78,12 @@ fn all_eight(sky: Sky, seeds: u64) -> Result<Vec<CodePeriodLook>, Failed> {
 
 #[test]
 fn eight_elements_and_20_ms_at_42_dbhz_show_a_rank_of_8_and_8_satellites() -> Tested {
-    // Satellites of one direction whose Dopplers are equal modulo 1 kHz share an eigenvalue; these lie 0.15 and
+    // Satellites of one direction whose Dopplers are equal modulo 1 kHz have a common eigenvalue; these lie 0.15 and
     // more apart in sine, of which a beam is 0.25.
-    for look in all_eight(Sky { scatter: 0.3, ..Sky::new(8, 20, 42.0, 0) }, 6)? {
+    for look in all_eight(Scene { scatter: 0.3, ..Scene::new(8, 20, 42.0, 0) }, 6)? {
         let rank = look.svd.division.rank;
         // A power ratio of 8 x 20 x 10^4.2 / 2.048e6 x 0.865 = 1.07 makes an eigenvalue of 2.2 against an
-        // edge of 1.67 floors.
+        // edge of 1.67 times the noise floor.
         if rank != 8 {
             return Err(format!("rank {rank}: {:?}", &look.svd.eigenvalues[..10]).into());
         }
@@ -101,8 +101,8 @@ fn eight_elements_and_20_ms_at_42_dbhz_show_a_rank_of_8_and_8_satellites() -> Te
 
 #[test]
 fn four_elements_and_20_ms_or_one_and_100_ms_show_all_8_satellites() -> Tested {
-    for sky in [Sky::new(4, 20, 42.0, 10), Sky::new(1, 100, 42.0, 20)] {
-        for look in all_eight(sky, 4)? {
+    for scene in [Scene::new(4, 20, 42.0, 10), Scene::new(1, 100, 42.0, 20)] {
+        for look in all_eight(scene, 4)? {
             few_transforms(&look)?;
         }
     }
@@ -120,8 +120,8 @@ fn noise_alone(runs: u64) -> Tested {
         .into_par_iter()
         .map(|seed| {
             let elements = [1, 2, 4, 8][seed as usize % 4];
-            let sky = Sky { satellites: 0, ..Sky::new(elements, 20, 0.0, seed) };
-            let look = look(&sky).0;
+            let scene = Scene { satellites: 0, ..Scene::new(elements, 20, 0.0, seed) };
+            let look = look(&scene).0;
             (look.svd.division.rank, look.found.len())
         })
         .filter(|&alarm| alarm != (0, 0))
@@ -130,7 +130,7 @@ fn noise_alone(runs: u64) -> Tested {
     if alarms.is_empty() { Ok(()) } else { Err(format!("{alarms:?} in {runs} runs").into()) }
 }
 
-/// Prints the share of satellites found and the mean rank over C/N0.
+/// Prints the mean number of satellites found and the mean rank over C/N0.
 #[test]
 #[ignore = "long"]
 fn sensitivity_of_the_code_periods() -> Tested {
@@ -140,7 +140,7 @@ fn sensitivity_of_the_code_periods() -> Tested {
             let start = std::time::Instant::now();
             let results: Vec<_> = (0..runs)
                 .map(|seed| {
-                    let (look, truth) = look(&Sky::new(elements, ms, cn0, seed));
+                    let (look, truth) = look(&Scene::new(elements, ms, cn0, seed));
                     let (right, wrong) = score(&look, &truth);
                     (
                         right,

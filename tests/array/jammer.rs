@@ -1,8 +1,8 @@
-//! Jammers under impulsive noise: the order of section "removed, mapped, then a beam".
+//! Jammers under impulsive noise: removed, then impulses mapped, then a beam.
 
 use crate::code_period_svd::mapped;
 use crate::common::{Failed, Tested};
-use crate::sky::{Sky, Truth, response};
+use crate::scene::{Scene, Truth, response};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx::array::Beam;
@@ -38,12 +38,12 @@ fn slices(block: &Block) -> Vec<&[Complex32]> {
     (0..block.channels()).map(|m| block.channel(m)).collect()
 }
 
-/// Median over satellites and runs of the ratio on beams of the true angle, with nulls on what was found.
-fn median_snr_db(sky: &Sky, runs: u64, jammers: usize) -> Result<f64, Failed> {
+/// Median over satellites and runs of the ratio on beams of the true angle, with nulls on the jammers found.
+fn median_snr_db(scene: &Scene, runs: u64, jammers: usize) -> Result<f64, Failed> {
     let ratios: Result<Vec<Vec<f64>>, Failed> = (0..runs)
         .into_par_iter()
         .map(|seed| {
-            let (mut block, truth) = Sky { seed, ..sky.clone() }.make();
+            let (mut block, truth) = Scene { seed, ..scene.clone() }.make();
             let interference = Interference::find(&covariance(&slices(&block)));
             if interference.count() != jammers {
                 return Err(format!(
@@ -57,7 +57,7 @@ fn median_snr_db(sky: &Sky, runs: u64, jammers: usize) -> Result<f64, Failed> {
             let block = mapped(block);
             let mut beam = Vec::new();
             let ratios = truth.iter().map(|t| {
-                let a = response(sky.elements, t.sine);
+                let a = response(scene.elements, t.sine);
                 Beam::lcmv(&a, &interference.subspace).form(&block, &mut beam);
                 post_correlation_snr_db(&beam, t)
             });
@@ -71,8 +71,8 @@ fn median_snr_db(sky: &Sky, runs: u64, jammers: usize) -> Result<f64, Failed> {
 
 #[test]
 fn under_jammers_of_30_and_50_db_a_beam_leaves_19_db_a_millisecond() -> Tested {
-    let quiet = Sky { satellites: 6, ..Sky::new(8, 40, 42.0, 0) };
-    let jammed = |jammer| Sky { jammer: Some(jammer), ..quiet.clone() };
+    let quiet = Scene { satellites: 6, ..Scene::new(8, 40, 42.0, 0) };
+    let jammed = |jammer| Scene { jammer: Some(jammer), ..quiet.clone() };
     let sine = 17f64.to_radians().sin();
     let unjammed = median_snr_db(&quiet, 4, 0)?;
     println!("no jammer {unjammed:.2} dB");

@@ -5,5 +5,5 @@ mod code_period_svd;
 #[path = "../common/mod.rs"]
 mod common;
 mod jammer;
-mod routes;
-mod sky;
+mod methods;
+mod scene;

@@ -1,4 +1,4 @@
-//! Who imports whom: files and the names that they take from each other.
+//! Imports between files: the names that they take from each other.
 
 use crate::source::Source;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,13 +7,13 @@ use std::collections::{BTreeMap, BTreeSet};
 struct Import {
     /// As written: `super`, `outcome`, `Failure`.
     path: Vec<String>,
-    /// What the file calls it.
+    /// Its name in the file.
     name: String,
-    /// Imported for others.
+    /// Whether it is exported again.
     passed_on: bool,
 }
 
-/// A file, and what it takes from elsewhere.
+/// A file and its imports.
 struct File<'a> {
     source: &'a Source,
     imports: Vec<Import>,
@@ -43,18 +43,18 @@ impl<'a> House<'a> {
         for file in self.files.values() {
             let Some(room) = file.source.room() else { continue };
             for path in file.imports.iter().map(|i| i.path.clone()).chain(paths(&file.rest)) {
-                // The root of sdr_rx passes crates on under the names of their folders.
+                // The root of sdr_rx re-exports crates under the names of their folders.
                 let path = self.absolute(file.source, &path).unwrap_or_default();
-                let place = usize::from(path.first().is_some_and(|krate| krate == "sdr_rx"));
+                let index = usize::from(path.first().is_some_and(|krate| krate == "sdr_rx"));
                 let other =
-                    path.get(place).filter(|name| *name != room && rooms.contains(name.as_str()));
+                    path.get(index).filter(|name| *name != room && rooms.contains(name.as_str()));
                 found.extend(other.map(|other| (file.source.path.as_str(), room, other.clone())));
             }
         }
         found
     }
 
-    /// A path from the root, its crate first; none of what is not of this house.
+    /// A path from the root, its crate first; `None` for external ones.
     fn absolute(&self, from: &Source, path: &[String]) -> Option<Vec<String>> {
         let (first, rest) = path.split_first()?;
         let module = &from.module;
@@ -76,46 +76,46 @@ impl<'a> House<'a> {
         }
     }
 
-    /// The file that defines what a path from the root names, through the files that only pass it on.
+    /// The file that defines the item of a path from the root, through re-exports.
     fn definer(&self, path: &[String], depth: usize) -> Option<&str> {
         let length =
             (1..=path.len()).rev().find(|n| self.files.contains_key(&path[..*n].join("::")))?;
-        let (place, file) = self.files.get_key_value(&path[..length].join("::"))?;
+        let (module, file) = self.files.get_key_value(&path[..length].join("::"))?;
         let passed =
             path.get(length).and_then(|name| file.imports.iter().find(|i| i.name == *name));
         match passed {
             Some(import) if depth < 8 => {
                 self.definer(&self.absolute(file.source, &import.path)?, depth + 1)
             }
-            _ => Some(place),
+            _ => Some(module),
         }
     }
 
-    /// The files of its crate that a file cannot do without, but those behind it: a `mod.rs` may both define what
-    /// its files share and call them.
-    fn needs(&self, place: &str) -> BTreeSet<&str> {
-        let file = &self.files[place];
-        let behind = format!("{place}::");
+    /// The files of its crate that a file depends on, without its own submodules: a `mod.rs` may both define common
+    /// items of its files and call them.
+    fn needs(&self, module: &str) -> BTreeSet<&str> {
+        let file = &self.files[module];
+        let behind = format!("{module}::");
         let own = file.imports.iter().filter(|i| !i.passed_on || has_word(&file.rest, &i.name));
         own.map(|import| import.path.clone())
             .chain(paths(&file.rest))
             .filter_map(|path| self.absolute(file.source, &path))
             .filter(|path| path[0] == file.source.module[0])
             .filter_map(|path| self.definer(&path, 0))
-            .filter(|other| *other != place && !other.starts_with(&behind))
+            .filter(|other| *other != module && !other.starts_with(&behind))
             .collect()
     }
 
-    /// A circle of each group of files that cannot do without each other: their paths.
+    /// A cycle of each group of files that depend on each other: their paths.
     pub fn circles(&self) -> Vec<String> {
         let mut needs: BTreeMap<&str, BTreeSet<&str>> =
-            self.files.keys().map(|place| (place.as_str(), self.needs(place))).collect();
+            self.files.keys().map(|module| (module.as_str(), self.needs(module))).collect();
         let mut circles = Vec::new();
         while let Some((first, _)) = needs.first_key_value() {
-            // Along what is needed, until a file needs nothing that is left, or one comes again.
+            // Along dependencies, until a file has none left, or one comes again.
             let (mut way, mut last) = (vec![*first], *first);
             while let Some(next) = needs[last].iter().find(|next| needs.contains_key(*next)) {
-                if let Some(at) = way.iter().position(|place| place == next) {
+                if let Some(at) = way.iter().position(|module| module == next) {
                     let round =
                         way[at..].iter().chain([next]).map(|p| self.files[*p].source.path.as_str());
                     circles.push(round.collect::<Vec<_>>().join(" -> "));

@@ -1,4 +1,4 @@
-//! Rust as text: what stands in a file without its comments, its strings and what is compiled for tests alone.
+//! Rust as text: a file without its comments, its strings and what is compiled for tests alone.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
     Ok(found)
 }
 
-/// The text with blanks for comments and for the insides of literals, and where the insides of strings stand.
+/// The text with blanks for comments and for the insides of literals, and the positions of the insides of strings.
 fn without_comments(text: &str) -> (Vec<u8>, Vec<Range<usize>>) {
     let bytes = text.as_bytes();
     let (mut code, mut strings) = (bytes.to_vec(), Vec::new());
@@ -83,7 +83,7 @@ fn without_comments(text: &str) -> (Vec<u8>, Vec<Range<usize>>) {
     let mut at = 0;
     while at < bytes.len() {
         let next = at + 1;
-        // What is to be blank, and from where on to read.
+        // Range to be blanked, and where reading goes on.
         let (inside, after) = match bytes[at..] {
             [b'/', b'/', ..] => (at..find(at, "\n"), find(at, "\n")),
             [b'/', b'*', ..] => (at..find(at, "*/"), find(at, "*/")),
@@ -106,7 +106,7 @@ fn without_comments(text: &str) -> (Vec<u8>, Vec<Range<usize>>) {
     (code, strings)
 }
 
-/// Where the string that begins at `at` ends: the place of its second quotation mark.
+/// Where the string that begins at `at` ends: the position of its second quotation mark.
 fn end_of_string(text: &str, at: usize) -> usize {
     let hashes = text[..at].bytes().rev().take_while(|b| *b == b'#').count();
     if text[..at - hashes].ends_with('r') {

@@ -1,4 +1,4 @@
-//! Every navigation file at hand, by teqc, sbf2rin, RTKCONV, CDDIS and others.
+//! All available navigation files, by teqc, sbf2rin, RTKCONV, CDDIS and others.
 
 use crate::common::{Tested, data};
 use sdr_rx::gnss::GpsTime;

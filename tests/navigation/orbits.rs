@@ -26,8 +26,8 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
 
 /// The final orbits of the IGS (2 cm) against the broadcast ones, between the points of the table, while an
 /// ephemeris is less than an hour from its reference time. User range accuracy of these satellites was 2.4 m
-/// (index 0), which bounds one deviation of orbit and clock together; across the line of sight, where it does
-/// not count, and by the antenna (up to 2.5 m from the centre of mass) orbits are off by up to twice that. Such
+/// (index 0), which bounds one standard deviation of orbit and clock together; across the line of sight, where it has
+/// no effect, and by the antenna (up to 2.5 m from the centre of mass) orbits are off by up to twice that. Such
 /// errors change over hours: by 1 mm/s. Clocks are compared but for what is common to all satellites, as the
 /// two time scales differ.
 #[test]
@@ -38,7 +38,7 @@ fn precise_and_broadcast_orbits_of_a_day_agree() -> Tested {
     let mut both = broadcast.clone();
     both.merge(sp3::read(folder.join("igs15904.sp3"))?.into_navigation_data());
     let start = GpsTime::from_calendar(2010, 7, 1, 0, 0, 0.0);
-    let (mut places, mut speeds, mut clocks) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut positions, mut speeds, mut clocks) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..94 {
         let t = start + 437.0 + 900.0 * f64::from(k);
         let mut of_epoch = Vec::new();
@@ -49,7 +49,7 @@ fn precise_and_broadcast_orbits_of_a_day_agree() -> Tested {
                 continue;
             };
             let (ours, theirs) = (orbit.state(t), ephemeris.state(t));
-            places.push((ours.position_m - theirs.position_m).norm());
+            positions.push((ours.position_m - theirs.position_m).norm());
             speeds.push((ours.velocity_mps - theirs.velocity_mps).norm());
             of_epoch.push(SPEED_OF_LIGHT * (ours.clock_bias_s - theirs.clock_bias_s));
         }
@@ -57,7 +57,7 @@ fn precise_and_broadcast_orbits_of_a_day_agree() -> Tested {
         clocks.extend(of_epoch.into_iter().map(|c| (c - common).abs()));
     }
     for (name, values, half, most) in [
-        ("m of position", &mut places, 4.8, 24.0),
+        ("m of position", &mut positions, 4.8, 24.0),
         ("m/s of velocity", &mut speeds, 1e-3, 5e-3),
         ("m of clock", &mut clocks, 2.4, 12.0),
     ] {

@@ -5,7 +5,7 @@ use crate::files::FILES;
 use sdr_rx::gnss::Ephemeris;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::message::lnav::FrameDecoder;
-use sdr_rx::gnss::message::lnav::{Header, Message, Subframe1, encode_subframe};
+use sdr_rx::gnss::message::lnav::{Header, LnavMessage, Subframe1, encode_subframe};
 use sdr_rx::gnss::message::{MessageDecoder, NavigationCollector, Update};
 
 #[test]
@@ -19,14 +19,14 @@ fn every_broadcast_ephemeris_survives_the_signal() -> Tested {
     Ok(())
 }
 
-/// Sends one frame of subframes 1 to 3, upside down and from the middle of a word before them.
+/// Sends one frame of subframes 1 to 3, inverted and from the middle of a word before them.
 fn through_the_signal(eph: &Ephemeris) -> Result<(), String> {
     let start = ((eph.toe - 3600.0).tow() / 30.0).floor() * 30.0;
     let week = (eph.toe - 3600.0).week();
     let messages = [
-        Message::Clock(Subframe1::new(eph, week)),
-        Message::Orbit(eph.into()),
-        Message::Orientation(eph.into()),
+        LnavMessage::Clock(Subframe1::new(eph, week)),
+        LnavMessage::Orbit(eph.into()),
+        LnavMessage::Orientation(eph.into()),
     ];
     let mut decoder = FrameDecoder::new();
     let mut collector = NavigationCollector::new(week);
@@ -55,7 +55,7 @@ fn through_the_signal(eph: &Ephemeris) -> Result<(), String> {
     {
         return Err(format!("{back:?}"));
     }
-    // Unit of each field (tables 20-I and 20-III). A file's 12 digits place 2^31 units to 0.01 unit; files
+    // Unit of each field (tables 20-I and 20-III). A file's 12 digits give 2^31 units to 0.01 unit; files
     // merged from others have been rounded twice: 0.02. A wrong scale or sign would miss by about 0.5.
     use sdr_rx::gnss::constants::GPS_PI;
     let pi = |exponent: i32| GPS_PI * 2f64.powi(exponent);

@@ -1,4 +1,4 @@
-//! The command line: a network made, run, and falsified.
+//! The command line: a network is made, run, and falsified.
 
 use crate::common::{Failed, Tested};
 use assert_cmd::Command;
@@ -37,9 +37,9 @@ fn off(result: &Value) -> Result<f64, Failed> {
     Ok(off)
 }
 
-/// A billionth of the disagreement of some metres is left by as many rounds as are planned.
+/// The planned number of rounds leaves a billionth of the disagreement of some metres.
 #[test]
-fn a_made_network_agrees_with_a_centre_by_every_solver() -> Tested {
+fn a_simulated_network_agrees_with_a_centre_by_every_solver() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
     let text = std::fs::read_to_string(&network)?;
@@ -72,22 +72,22 @@ fn slow_clocks_and_lost_messages_change_nothing_but_the_time() -> Tested {
 }
 
 #[test]
-fn a_falsified_observation_is_named_by_every_node_and_taken_out() -> Tested {
+fn a_falsified_observation_is_identified_by_every_node_and_excluded() -> Tested {
     let folder = tempfile::tempdir()?;
     let network = make(folder.path())?;
-    let honest = run(&[&network])?;
+    let correct = run(&[&network])?;
     let result = run(&["--fault", "N004:1:25", &network])?;
     for node in result["nodes"].as_array().ok_or("no nodes")? {
         let first = &node["named"][0];
         if (first["node"].as_u64(), first["observation"].as_u64()) != (Some(4), Some(1)) {
             return Err(format!("{} named {first}", node["name"]).into());
         }
-        // Back among what the honest observations say: within five standard deviations of their solution.
+        // Consistent with the unfalsified observations: within five standard deviations of their solution.
         let both = |key| node[key].as_array().into_iter().flatten().filter_map(Value::as_f64);
-        let honest = honest["centre"]["x"].as_array().into_iter().flatten();
-        for ((x, sigma), h) in both("x").zip(both("sigma")).zip(honest.filter_map(Value::as_f64)) {
+        let correct = correct["centre"]["x"].as_array().into_iter().flatten();
+        for ((x, sigma), h) in both("x").zip(both("sigma")).zip(correct.filter_map(Value::as_f64)) {
             if (x - h).abs() > 5.0 * sigma {
-                return Err(format!("{x} +- {sigma}, honest {h}").into());
+                return Err(format!("{x} +- {sigma}, unfalsified {h}").into());
             }
         }
     }
@@ -105,9 +105,9 @@ fn mistakes_in_a_network_are_named() -> Tested {
     let model = std::fs::read_to_string(folder.path().join("N003.json"))?;
     let refused = |expected: &str, arguments: &[&str]| -> Tested {
         let output = sdr_rx(&[&["run"], arguments].concat())?.output()?;
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let right = output.status.code() == Some(2) && said.contains(expected);
-        if right { Ok(()) } else { Err(format!("expected '{expected}', got '{said}'").into()) }
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        let right = output.status.code() == Some(2) && message.contains(expected);
+        if right { Ok(()) } else { Err(format!("expected '{expected}', got '{message}'").into()) }
     };
     refused("No such file", &["nowhere.toml"])?;
     refused("no node 'N999'", &["--fault", "N999:0:1", &network])?;
@@ -128,7 +128,7 @@ fn mistakes_in_a_network_are_named() -> Tested {
 #[test]
 fn the_same_seed_makes_the_same_bytes() -> Tested {
     let folders = [tempfile::tempdir()?, tempfile::tempdir()?];
-    let mut said = Vec::new();
+    let mut message = Vec::new();
     for folder in &folders {
         let network = make(folder.path())?;
         let out = folder.path().join("out");
@@ -137,7 +137,7 @@ fn the_same_seed_makes_the_same_bytes() -> Tested {
             .assert()
             .success();
         let read = |name| std::fs::read(folder.path().join("out").join(name));
-        said.push((read("result.json")?, read("way.csv")?, read("way.svg")?));
+        message.push((read("result.json")?, read("way.csv")?, read("way.svg")?));
     }
-    if said[0] == said[1] { Ok(()) } else { Err("two runs differ".into()) }
+    if message[0] == message[1] { Ok(()) } else { Err("two runs differ".into()) }
 }

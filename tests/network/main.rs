@@ -1,4 +1,4 @@
-//! Receivers without a centre: against reference networks, and on links that lose and delay.
+//! Receivers without a centre: against reference networks, and on links with losses and delays.
 
 mod command;
 #[path = "../common/mod.rs"]

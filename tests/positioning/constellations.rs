@@ -1,5 +1,6 @@
-//! Success of the solvers over random skies: the paper's scaled-down orbits, true low orbits, receivers
-//! in orbit. Shares are compared with those of an independent reference implementation on its own draws.
+//! Success of the solvers over random satellite geometries: the paper's scaled-down orbits, true low orbits,
+//! receivers in orbit. Fractions are compared with those of an independent reference implementation on its own
+//! draws.
 
 use crate::common::Tested;
 use crate::sky::{Draw, Skies, Walker, weighted};
@@ -18,13 +19,13 @@ const DRAWS: u64 = 2000;
 const SIGMA: [f64; 2] = [3.0, 0.5 * 299_792_458.0 / 1575.42e6];
 
 #[test]
-fn random_skies_are_solved_as_often_as_by_the_reference() -> Tested {
+fn random_geometries_are_solved_as_often_as_by_the_reference() -> Tested {
     all(DRAWS)
 }
 
 #[test]
 #[ignore = "long"]
-fn ten_times_as_many_random_skies_are_solved_as_often_as_by_the_reference() -> Tested {
+fn ten_times_as_many_random_geometries_are_solved_as_often_as_by_the_reference() -> Tested {
     all(10 * DRAWS)
 }
 
@@ -44,14 +45,14 @@ struct Case {
     height_m: RangeInclusive<f64>,
     what: What,
     satellites: usize,
-    /// Share of the noise that is added: 0 for exact data.
+    /// Factor of the noise that is added: 0 for exact data.
     noise: f64,
     solver: &'static str,
-    /// Share of the reference at the least-squares optimum, per cent.
+    /// Runs of the reference at the least-squares optimum, per cent.
     expected: f64,
 }
 
-/// What became of one draw.
+/// Outcome of one draw.
 #[derive(Clone, Copy, Default)]
 struct Run {
     /// The optimum from the truth is where a solver may find it.
@@ -60,7 +61,7 @@ struct Run {
     ok: bool,
     /// It or one of the alternatives is.
     covered: bool,
-    /// Elsewhere, at a higher cost, and believed.
+    /// Elsewhere, at a higher cost, and accepted.
     wrong: bool,
     several: bool,
     iterations: usize,
@@ -138,19 +139,19 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// The share of successes is the reference's but for four deviations of both binomial counts; a share of
-/// 100 % may miss two runs in 2000, as the reference's 20 000 runs do not know it better than to 0.02 %.
-/// With four satellites two places can fit: then one of both is given, the other as an alternative.
+/// The fraction of successes is the reference's within four standard deviations of both binomial counts; a fraction
+/// of 100 % may miss two runs in 2000, as the reference's 20 000 runs determine it to 0.02 % only.
+/// With four satellites two positions can fit: then one of both is given, the other as an alternative.
 fn check(case: &Case, draws: u64) -> Result<(), String> {
     let solver: Solver = case.solver.parse().map_err(|e| format!("{e}"))?;
     let skies = Skies::new(&case.walker, 40, &mut ChaCha8Rng::seed_from_u64(7));
     let runs: Vec<Run> =
         (0..draws).into_par_iter().map(|number| run(case, &skies, solver, number)).collect();
     let counted = runs.iter().filter(|r| r.counted).count() as f64;
-    let share = |what: fn(&Run) -> bool| {
+    let percent = |what: fn(&Run) -> bool| {
         100.0 * runs.iter().filter(|r| r.counted && what(r)).count() as f64 / counted
     };
-    let (ok, covered, wrong) = (share(|r| r.ok), share(|r| r.covered), share(|r| r.wrong));
+    let (ok, covered, wrong) = (percent(|r| r.ok), percent(|r| r.covered), percent(|r| r.wrong));
     let right = || runs.iter().filter(|r| r.counted && r.ok);
     let iterations = right().map(|r| r.iterations).sum::<usize>() as f64 / right().count() as f64;
     let label =
@@ -158,12 +159,12 @@ fn check(case: &Case, draws: u64) -> Result<(), String> {
     println!(
         "{label}: {ok:.2} % (reference {}), {covered:.2} with alternatives, {wrong:.2} wrong, {:.2} with several solutions, {iterations:.2} iterations, {counted} runs",
         case.expected,
-        share(|r| r.several),
+        percent(|r| r.several),
     );
     let p = case.expected / 100.0;
-    let deviation = 100.0 * (p * (1.0 - p) / counted * 2.0).sqrt();
+    let sigma = 100.0 * (p * (1.0 - p) / counted * 2.0).sqrt();
     let unknown = 100.0 * 2.0 / 2000.0;
-    let near = (ok - case.expected).abs() <= 4.0 * deviation + unknown;
+    let near = (ok - case.expected).abs() <= 4.0 * sigma + unknown;
     let both = case.solver != "vp" || covered >= 99.7;
     let fast = !(case.solver == "vp" && case.satellites == 5) || iterations <= 7.0;
     match near && both && fast {
@@ -197,7 +198,7 @@ fn judge(rows: &[Row], case: &Case, sky: &Draw, solver: Solver) -> Run {
     let Ok(best) = iterate(rows, &Damping::ADGN_BT, &from_truth, |_| ()) else {
         return Run::default();
     };
-    // Where noise carries the optimum of a receiver on the ground beyond the wall, it must not be found.
+    // Where noise moves the optimum of a receiver on the ground beyond the bound on the radius, it must not be found.
     let height = best.state.position_m.norm() - EARTH_RADIUS;
     if *case.height_m.end() == 0.0 && height.abs() > 50e3 {
         return Run::default();
@@ -218,10 +219,10 @@ fn judge(rows: &[Row], case: &Case, sky: &Draw, solver: Solver) -> Run {
 }
 
 /// Dopplers of two low satellites every 5 s for 2 minutes, one drift for all: fewer than four satellites, but
-/// 50 rows. The error in deviations squared is chi-square with three degrees of freedom, above 21.1 in one
+/// 50 rows. The squared error over its variance is chi-square with three degrees of freedom, above 21.1 in one
 /// of 10 000.
 #[test]
-fn two_low_satellites_give_a_place_over_two_minutes() -> Tested {
+fn two_low_satellites_give_a_position_over_two_minutes() -> Tested {
     let mut worst = (0.0f64, 0.0f64);
     for number in 0..20 {
         let mut rng = ChaCha8Rng::seed_from_u64(9);

@@ -22,9 +22,10 @@ const BIAS: f64 = 2.354_788_068e-3 * R;
 
 /// The four satellites of Kreutz-Delgado's project, GDOP 22.2, condition 3036.
 fn course() -> [Satellite; 4] {
-    let places =
+    let positions =
         [[3.5852, 2.07, 0.0], [2.9274, 2.9274, 0.0], [2.6612, 0.0, 3.1712], [1.4159, 0.0, 3.8904]];
-    places.map(|p| Satellite { position_m: R * Vector3::from(p), velocity_mps: Vector3::zeros() })
+    positions
+        .map(|p| Satellite { position_m: R * Vector3::from(p), velocity_mps: Vector3::zeros() })
 }
 
 fn truth() -> Vector3<f64> {
@@ -43,7 +44,7 @@ fn error(state: &Place) -> f64 {
     (state.position_m - truth()).norm().hypot(state.clock() - BIAS)
 }
 
-/// How the reference ended.
+/// Result of the reference.
 enum End {
     /// After steps and evaluations of the cost, to 1 mm.
     Converged(usize, Option<usize>),
@@ -52,7 +53,7 @@ enum End {
     Diverged,
 }
 
-/// Counts within 1 (Gauss-Newton) or 2 %, as the acceptance asks; stalls within 5 % of two printed digits.
+/// Counts within 1 (Gauss-Newton) or 2 %, as required; stalls within 5 % of two printed digits.
 #[test]
 fn descent_takes_the_steps_of_the_reference() -> Tested {
     let rows = observe();
@@ -115,7 +116,7 @@ fn descent_takes_the_steps_of_the_reference() -> Tested {
     if quick.iterations > 1000 {
         return Err("Barzilai-Borwein is slow".into());
     }
-    // In floating point no strict decrease exists at the minimum: asked for less than rounding, it says so.
+    // In floating point no strict decrease exists at the minimum: a tolerance below rounding gives an error.
     let endless = Descent { tolerance_m: 0.0, ..Descent::new(GaussNewton, halving) };
     let end = endless.solve(&rows, &start(), |_| ());
     let too_slow = Descent { max_iterations: 100, ..Descent::new(Gradient, Constant(0.1)) };
@@ -156,7 +157,8 @@ fn gradient_descent_converges_at_the_rate_of_the_condition() -> Tested {
     }
 }
 
-/// 4000 runs with a deviation of 5 m, 9 epochs each: each deviation is known to 1/sqrt(2 * 4000) = 1.1 %,
+/// 4000 runs with a standard deviation of 5 m, 9 epochs each: each standard deviation is known to 1/sqrt(2 * 4000)
+/// = 1.1 %,
 /// so that 5 % is more than four of them. The mean of the epochs gives what all rows stacked give.
 #[test]
 fn covariance_of_averaged_epochs_is_that_of_many_runs() -> Tested {
@@ -203,7 +205,7 @@ fn covariance_of_averaged_epochs_is_that_of_many_runs() -> Tested {
         }
     }
     let ratios = squares.zip_map(&theory.xyz(), |s, t| (s / t).sqrt());
-    println!("deviations of {RUNS} runs over theory: {:.3?}", ratios.as_slice());
+    println!("standard deviations of {RUNS} runs over theory: {:.3?}", ratios.as_slice());
     match ratios.iter().all(|r| (r - 1.0).abs() < 0.05) {
         true => Ok(()),
         false => Err("the covariance does not describe the errors".into()),

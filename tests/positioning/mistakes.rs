@@ -1,4 +1,4 @@
-//! Wrong observations: an error that names the cause, or both places; never a silent fix, never a panic.
+//! Wrong observations: an error that names the cause, or both positions; never a silent fix, never a panic.
 
 use crate::common::Tested;
 use crate::sky::{Skies, Walker, weighted};
@@ -94,10 +94,10 @@ fn impossible_observations_are_refused_by_every_solver() -> Tested {
     ensure(centre == Err(Failure::Coincident { row: 1 }), || format!("{centre:?}"))
 }
 
-/// Satellites of one orbital plane: a place beside it has a mirror image on the Earth, and a place within
-/// it no direction across. Noise of 1 m, the test's places 2000 km apart.
+/// Satellites of one orbital plane: a position beside it has a mirror image on the Earth, and at a position
+/// within it the direction across is not observed. Noise of 1 m, the test's positions 2000 km apart.
 #[test]
-fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
+fn satellites_in_one_plane_give_both_positions_or_none() -> Tested {
     let along = |angle: f64| Satellite {
         position_m: 26.6e6 * Vector3::new(angle.cos(), angle.sin(), 0.0),
         velocity_mps: 3.9e3 * Vector3::new(-angle.sin(), angle.cos(), 0.0),
@@ -132,7 +132,7 @@ fn satellites_in_one_plane_give_both_places_or_none() -> Tested {
     ensure(from_centre == Err(Failure::Coplanar), || format!("{from_centre:?}"))
 }
 
-/// With redundant observations a fault shows in the residuals, and the best place is given with it.
+/// With redundant observations a fault shows in the residuals, and the best position is given with it.
 #[test]
 fn one_faulty_satellite_is_said() -> Tested {
     let (_, _, mut pseudoranges, mut dopplers) = sky();
@@ -153,8 +153,8 @@ fn one_faulty_satellite_is_said() -> Tested {
     Ok(())
 }
 
-/// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the place
-/// moves by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
+/// A bias of a second, 3e8 m, costs digits of the ranges (6e-8 m), and a drift of 330 ppm none: the position
+/// changes by less than a micrometre times the dilution, of 3 here; Dopplers are a thousand times weaker.
 #[test]
 fn a_clock_of_a_second_does_not_move_the_place() -> Tested {
     let (_, _, ranges, rates) = sky();
@@ -167,7 +167,7 @@ fn a_clock_of_a_second_does_not_move_the_place() -> Tested {
         let shift = (at(&ranges)? - at(&moved(&ranges, 299_792_458.0))?).norm();
         let slow = (at(&rates)? - at(&moved(&rates, 1e5))?).norm();
         println!("{name}: {shift:.1e} m for a second, {slow:.1e} m for 330 ppm");
-        // The bound of the acceptance, and 1.5e-11 m/s over a gradient of 1e-4 /s.
+        // The required bound, and 1.5e-11 m/s over a gradient of 1e-4 /s.
         ensure(shift < 1e-6 && slow < 1e-5, || format!("{name}: {shift:.1e} {slow:.1e}"))?;
     }
     Ok(())
@@ -200,7 +200,7 @@ fn derivatives_are_those_of_the_predictions() -> Tested {
 
 /// Four pseudoranges of a receiver in a high orbit: both roots explain them, and one is the truth.
 #[test]
-fn both_roots_are_places_with_the_same_pseudoranges() -> Tested {
+fn both_roots_are_positions_with_the_same_pseudoranges() -> Tested {
     let (satellites, _, _, _) = sky();
     let truth = 1.3 * satellites[0].position_m + Vector3::new(3e6, -2e6, 1e6);
     let range = |s: &Satellite, place: &Vector3<f64>| RowKind::Range.see(s, place).value;
@@ -223,9 +223,9 @@ fn both_roots_are_places_with_the_same_pseudoranges() -> Tested {
     })
 }
 
-/// Of the paper's setting at 160 km: the first step is blocked by the wall, the last are full.
+/// Of the paper's setting at 160 km: the first step is damped by the bound on the radius, the last are full.
 #[test]
-fn a_trace_says_why_steps_were_damped() -> Tested {
+fn a_trace_shows_why_steps_were_damped() -> Tested {
     let (satellites, truth, ..) = sky();
     let radius = EARTH_RADIUS + 160e3;
     let low = satellites.iter().map(|s| crate::sky::scaled_down(s, &truth, radius));

@@ -53,7 +53,7 @@ fn a_monitor_station_is_located_by_each_observable() -> Tested {
     .check(8.0, 100.0)
 }
 
-/// Files and the place that they were observed at.
+/// Files and the position of the receiver.
 struct Station {
     observations: std::path::PathBuf,
     navigation: std::path::PathBuf,
@@ -72,7 +72,7 @@ impl Station {
             let range = error(Observable::Pseudorange)?;
             let doppler = error(Observable::Doppler)?;
             let both = error(Observable::Both)?;
-            // Dopplers weigh at most (1 m / 500 m)^2 of the pseudoranges, which is mm of their error.
+            // Dopplers have a weight of at most (1 m / 500 m)^2 of the pseudoranges, which is mm of their error.
             if range > range_bound_m || doppler > doppler_bound_m || both > range + 0.01 {
                 return Err(
                     format!("{solver}: {range} m, Doppler {doppler} m, both {both} m").into()

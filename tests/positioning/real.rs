@@ -19,7 +19,7 @@ fn real_code_phases_of_one_epoch_are_a_snapshot() -> Tested {
 }
 
 #[test]
-fn real_code_phases_tell_the_time_within_five_hours() -> Tested {
+fn real_code_phases_give_the_time_within_five_hours() -> Tested {
     let Some(d) = data() else { return Ok(()) };
     let time_uncertainty_s = 18_000.0;
     let options = PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
@@ -27,7 +27,7 @@ fn real_code_phases_tell_the_time_within_five_hours() -> Tested {
 }
 
 #[test]
-fn real_code_phases_tell_the_time_of_the_navigation_file() -> Tested {
+fn real_code_phases_give_the_time_of_the_navigation_file() -> Tested {
     let Some(d) = data() else { return Ok(()) };
     let time_uncertainty_s = f64::INFINITY;
     let options = PositioningOptions { time_uncertainty_s, ..PositioningOptions::default() };
@@ -62,7 +62,7 @@ fn check(
          {iterations:.1} iterations, exclusions in {excluded}",
         fixes.len()
     );
-    // The receivers rest; a Doppler of 0.1 to 0.5 Hz is 0.02 to 0.1 m/s, times a dilution of 3.
+    // The receivers are at rest; a Doppler of 0.1 to 0.5 Hz is 0.02 to 0.1 m/s, times a dilution of 3.
     if error <= bound_m && speed < 0.3 {
         Ok(())
     } else {
@@ -108,8 +108,8 @@ pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
     Ok(Geodetic::from_degrees(latitude, longitude, height).to_ecef())
 }
 
-/// The pseudoranges of the roof, of every so many epochs, cut to their part of a millisecond, and the time
-/// told wrong by up to `off_s`: it is found to 0.1 s. Coarse time costs about three times the error of the
+/// The pseudoranges of the roof, of every so many epochs, modulo a millisecond, and the time given with an error
+/// of up to `off_s`: it is found to 0.1 s. Coarse time costs about three times the error of the
 /// full fix.
 fn snapshot(folder: &Path, every: usize, off_s: f64, options: PositioningOptions) -> Tested {
     let folder = folder.join("obs/matrtklib-static");

@@ -1,4 +1,5 @@
-//! Skies for Monte Carlo: Walker constellations, places on and above the Earth, random satellites in view.
+//! Satellite geometries for Monte Carlo: Walker constellations, receivers on and above the Earth, random satellites in
+//! view.
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -74,7 +75,7 @@ pub fn scaled_down(satellite: &Satellite, receiver: &Vector3<f64>, radius_m: f64
     Satellite { position_m: receiver + range * u, velocity_mps: satellite.velocity_mps * speed }
 }
 
-/// One draw: a place, and the satellites that are observed there.
+/// One draw: a receiver, and the satellites observed there.
 pub struct Draw {
     pub truth: Vector3<f64>,
     pub satellites: Vec<Satellite>,
@@ -93,7 +94,7 @@ impl Skies {
         Self(vec![walker.at(t)])
     }
 
-    /// A place at a uniform direction, its height above the ellipsoid in `height_m`, with `count` random
+    /// A receiver at a uniform direction, its height above the ellipsoid in `height_m`, with `count` random
     /// ones of the satellites above 5 degrees.
     pub fn draw(&self, rng: &mut ChaCha8Rng, height_m: RangeInclusive<f64>, count: usize) -> Draw {
         loop {

@@ -95,7 +95,7 @@ fn satellites(positions: &[[f64; 3]], velocities: &[[f64; 3]]) -> Vec<Satellite>
 /// One epoch of a scenario: identities and native states of the satellites in view.
 type Epoch = Vec<(usize, Satellite)>;
 
-/// How often a solver came within 1 m of the least-squares optimum, at which mean of iterations.
+/// Number of runs within 1 m of the least-squares optimum, and their mean iterations.
 struct Tally {
     runs: usize,
     ok: usize,
@@ -241,7 +241,7 @@ fn aw_dgn_bt_always_converges_at_the_three_sites() -> Tested {
 }
 
 /// Relative agreement to 1e-6, but for values at the level of rounding: 1e-6 m (or m/s) in the state
-/// and the step, and 1e-13 (the floor of the descent test) in the cost.
+/// and the step, and 1e-13 (the limit of the descent test) in the cost.
 #[test]
 fn traces_agree_step_by_step_with_the_reference() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
@@ -260,7 +260,7 @@ fn traces_agree_step_by_step_with_the_reference() -> Tested {
             if converged != (reference.status == "converged") {
                 return Err(format!("{label}: the reference ended as {}", reference.status).into());
             }
-            // A run to infinity loses all digits once the lines of sight are parallel.
+            // A run that diverges loses all digits once the lines of sight are parallel.
             let compared = if converged { reference.steps.len() } else { 4 };
             if converged && steps.len() != compared {
                 return Err(format!("{label}: {} steps, not {compared}", steps.len()).into());

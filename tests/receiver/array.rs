@@ -8,27 +8,27 @@ use serde_json::Value;
 use std::path::Path;
 
 #[test]
-fn fifty_elements_see_eight_satellites_and_the_place() -> Tested {
+fn fifty_elements_find_eight_satellites_and_the_position() -> Tested {
     line("ula50", &[])
 }
 
 #[test]
-fn sixteen_elements_see_six_satellites_and_the_place() -> Tested {
+fn sixteen_elements_find_six_satellites_and_the_position() -> Tested {
     line("ula16", &[])
 }
 
 #[test]
-fn the_solver_of_the_paper_sees_the_same() -> Tested {
+fn the_solver_of_the_paper_finds_the_same() -> Tested {
     line("ula16", &["--engine", "lda"])
 }
 
 #[test]
-fn eight_elements_see_five_satellites_and_the_place() -> Tested {
+fn eight_elements_find_five_satellites_and_the_position() -> Tested {
     line("ula8", &[])
 }
 
 #[test]
-fn four_elements_see_six_satellites_and_the_place() -> Tested {
+fn four_elements_find_six_satellites_and_the_position() -> Tested {
     line("ula4", &[])
 }
 
@@ -60,12 +60,12 @@ pub fn snapshot(name: &str, rest: &[&str]) -> Result<(Answer, Value), Failed> {
 
 /// Distance of the snapshot's position from the truth, m.
 fn error_m(answer: &Answer, truth: &Value) -> f64 {
-    let place = vector(&truth["position_ecef_m"]);
-    answer.rows("fixes").first().map_or(f64::NAN, |fix| (vector(&fix["ecef_m"]) - place).norm())
+    let truth_m = vector(&truth["position_ecef_m"]);
+    answer.rows("fixes").first().map_or(f64::NAN, |fix| (vector(&fix["ecef_m"]) - truth_m).norm())
 }
 
 /// A simulated line of elements in impulsive noise, cold: number of signals, angles and satellites are the
-/// simulated ones, and the place is found from the snapshot and the navigation file beside it.
+/// simulated ones, and the position is found from the snapshot and the navigation file beside it.
 fn line(name: &str, rest: &[&str]) -> Tested {
     let (answer, truth) = snapshot(name, rest)?;
     let known = truth["satellites"].as_array().ok_or("no truth")?;
@@ -113,25 +113,25 @@ fn line(name: &str, rest: &[&str]) -> Tested {
     } else if elements > known.len() as f64 {
         return Err("no directions by the covariance".into());
     }
-    let told = answer.json["fixes"][0]["directions"].as_array().map_or(0, Vec::len);
-    if told != known.len() {
-        return Err(format!("the fix says from where {told} of {} came", known.len()).into());
+    let given = answer.json["fixes"][0]["directions"].as_array().map_or(0, Vec::len);
+    if given != known.len() {
+        return Err(format!("the fix has directions of {given} of {}", known.len()).into());
     }
     let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
     within_sigma(&answer, &truth, &format!("{elements} elements: angles {rms:.3} deg rms, "))
 }
 
-/// The fix lies within four of the deviations that it states.
+/// The fix lies within four of its standard deviations.
 pub fn within_sigma(answer: &Answer, truth: &Value, what: &str) -> Tested {
     let error = error_m(answer, truth);
     let sigma = answer.rows("fixes").first().map_or(f64::NAN, |f| vector(&f["sigma_m"]).norm());
     println!("{what}position {error:.2} m off, sigma {sigma:.2} m");
-    // The stated deviation itself must be what 0.2 s can give: a refinement of 45 dB-Hz and more is good to a
-    // metre, and no sky of five satellites here has a PDOP above 10.
+    // The standard deviation itself must be plausible for 0.2 s: a refinement of 45 dB-Hz and more is good to a
+    // metre, and no geometry of five satellites here has a PDOP above 10.
     if below(error, 4.0 * sigma) && below(sigma, 20.0) {
         Ok(())
     } else {
-        Err(format!("{error} m off, sigma {sigma} m: {}", answer.said()).into())
+        Err(format!("{error} m off, sigma {sigma} m: {}", answer.messages()).into())
     }
 }
 
@@ -191,7 +191,7 @@ fn four_elements_find_every_satellite_in_20_ms() -> Tested {
 }
 
 #[test]
-fn four_elements_tell_directions_and_the_site_in_100_ms() -> Tested {
+fn four_elements_give_directions_and_the_position_in_100_ms() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let answer = array4(data, &["--duration", "0.1"])?;
     let seen = answer.json["sky"]["satellites"].as_array().ok_or("no directions")?;
@@ -220,8 +220,8 @@ fn four_elements_tell_directions_and_the_site_in_100_ms() -> Tested {
     let site = Geodetic::from_degrees(-1.292_066, 36.821_945, 1700.0).to_ecef();
     let error = (vector(&answer.json["fixes"][0]["ecef_m"]) - site).norm();
     println!("position {error:.1} m off");
-    if !below(error, 20.0) || answer.said().contains("suspected") {
-        return Err(format!("{error} m off; {}", answer.said()).into());
+    if !below(error, 20.0) || answer.messages().contains("suspected") {
+        return Err(format!("{error} m off; {}", answer.messages()).into());
     }
     Ok(())
 }
@@ -232,8 +232,8 @@ fn one_antenna_on_two_channels_is_named_and_its_phase_measured() -> Tested {
     let files = ["ifen.smfx", "ifen_ant0_L1_20MHz_2bit.bin", "ifen_ant1_L1_20MHz_2bit.bin"]
         .map(|name| file(data, &format!("captures/{name}")));
     let answer = run(&["acquire", &files[0], &files[1], &files[2]])?;
-    if !answer.said().contains("come from one direction") {
-        return Err(format!("not named: {}", answer.said()).into());
+    if !answer.messages().contains("come from one direction") {
+        return Err(format!("not named: {}", answer.messages()).into());
     }
     let seen = answer.json["sky"]["satellites"].as_array().ok_or("no signatures")?;
     for (k, row) in seen.iter().enumerate() {

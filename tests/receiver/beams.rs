@@ -1,4 +1,4 @@
-//! Beams to the satellites: they follow, spare interference, and tell who sends.
+//! Beams to the satellites: tracking, interference, and spoofing.
 
 use crate::array::{below, scenario, snapshot, within_sigma};
 use crate::common::{Failed, Tested};
@@ -14,9 +14,9 @@ use sdr_rx::scenario::{SatelliteTruth, Scenario, ScenarioSource};
 use serde_json::Value;
 use std::path::Path;
 
-/// Eight elements under satellites at 550 km, 13 s: they cross the beam, and C/N0 stays what it was.
+/// Eight elements under satellites at 550 km, 13 s: they cross the beam, and C/N0 stays constant.
 #[test]
-fn beams_follow_satellites_that_cross_the_sky() -> Tested {
+fn beams_follow_satellites_of_low_orbits() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("leo_550km")))?;
     made.duration_s = 13.0;
     made.array = Some(ArrayDescription::parse("ula:8")?);
@@ -59,7 +59,8 @@ fn beams_follow_satellites_that_cross_the_sky() -> Tested {
             "{}: a fixed beam would lose {would_lose:.1} dB; {before:.2}, {after:.2}",
             begin.sv
         );
-        // The noise of 1000 prompts is known to 0.14 dB: three deviations of a difference are 0.58. A beam turned
+        // The noise of 1000 prompts is known to 0.14 dB: three standard deviations of a difference are 0.58. A
+        // beam turned
         // up to a second ago is less than a tenth of its width off, 0.12 dB.
         if !below((after - before).abs(), 0.7) {
             return Err(format!("{}: {before}, then {after} dB-Hz", begin.sv).into());
@@ -70,10 +71,10 @@ fn beams_follow_satellites_that_cross_the_sky() -> Tested {
 }
 
 /// Noise of 1 dB below the background at each element, too little to be called a jammer, half a beam beside one
-/// satellite: C/N0 behind the matched beam and behind that of least power are what theory says of both,
+/// satellite: C/N0 behind the matched beam and behind that of minimum power are those of theory,
 /// M^2 / (M + J |s^H j|^2) and M - J |s^H j|^2 / (1 + J M) for responses s and j and power J (van Trees 6.2).
 #[test]
-fn least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer() -> Tested {
+fn minimum_power_beams_suppress_interference_too_weak_to_be_detected() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("ula8")))?;
     made.duration_s = 0.2;
     made.noise = Default::default();
@@ -94,7 +95,7 @@ fn least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer() -> Tested {
         let row = |r: &Refined| (r.acquisition.sv(), r.acquisition.cn0_dbhz);
         Ok(outcome.acquisitions.iter().map(row).collect())
     };
-    let (matched, least) = (found(BeamKind::Conventional)?, found(BeamKind::Mvdr)?);
+    let (matched, minimum) = (found(BeamKind::Conventional)?, found(BeamKind::Mvdr)?);
     let manifold = Manifold::new(AntennaArray::half_wavelength(8));
     let (m, power, j) = (8.0, 10f64.powf(-0.1), manifold.response([jammed, 0.0]));
     for satellite in &truth.satellites {
@@ -104,7 +105,7 @@ fn least_power_beams_spare_what_is_too_weak_to_be_called_a_jammer() -> Tested {
             m * m / (m + power * along.norm_sqr()),
             m - power * along.norm_sqr() / (1.0 + power * m),
         ];
-        for (theory, found) in theory.into_iter().zip([&matched, &least]) {
+        for (theory, found) in theory.into_iter().zip([&matched, &minimum]) {
             let cn0 = found.iter().find(|f| f.0 == satellite.sv).map_or(f64::NAN, |f| f.1);
             let expected = satellite.cn0_dbhz + 10.0 * theory.log10();
             println!("{}: {cn0:.2} dB-Hz, {expected:.2} by theory", satellite.sv);
@@ -124,7 +125,7 @@ fn jammers_are_located_and_removed() -> Tested {
     let sky = &answer.json["sky"];
     let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
     let jammers = sky["jammers"].as_array().ok_or("no jammers")?;
-    // Powers over the background of each element; all together see 9 dB more, and impulses raise the noise by
+    // Powers over the background of each element; all together have 9 dB more, and impulses raise the noise by
     // 7.7 dB. Angles of 30 dB and more in 16 ms are exact to 0.1 deg.
     let expected = [(50.0, -12.0), (30.0, 16.0)];
     if jammers.len() != 2 {
@@ -142,16 +143,16 @@ fn jammers_are_located_and_removed() -> Tested {
     Ok(())
 }
 
-/// Jammers of 30 and 50 dB: the snapshot's fix is as good as it says, and its deviation is what it is without them
-/// but for the 3 dB between the two skies (42 and 45 dB-Hz) and what the nulls cost.
+/// Jammers of 30 and 50 dB: the snapshot's fix is as good as its standard deviation, which is that without them
+/// but for the 3 dB between the two scenarios (42 and 45 dB-Hz) and the loss by the nulls.
 #[test]
-fn under_jammers_the_place_is_found_as_without() -> Tested {
+fn under_jammers_the_position_is_found() -> Tested {
     let (jammed, truth) = snapshot("jammed_ula8", &[])?;
     let (quiet, _) = snapshot("ula8", &[])?;
     within_sigma(&jammed, &truth, "jammed: ")?;
     let sigma = |a: &Answer| vector(&a.json["fixes"][0]["sigma_m"]).norm();
     let ratio = sigma(&jammed) / sigma(&quiet);
-    println!("deviation {ratio:.2} of that without jammers at 45 dB-Hz");
+    println!("standard deviation {ratio:.2} of that without jammers at 45 dB-Hz");
     // 3 dB are a factor of 1.41 in a code phase; two nulls of eight elements cost 10 log10(8/6) on average, 1.15.
     if below(ratio, 1.41 * 1.15 * 1.2) { Ok(()) } else { Err(format!("{ratio} times").into()) }
 }
@@ -175,10 +176,12 @@ fn a_jammer_that_comes_up_is_removed_and_reported() -> Tested {
     };
     let outcome = receiver::process(&mut source, &options, &mut |_| ())?;
     println!("{:?}, {} fixes", outcome.notices, outcome.fixes.len());
-    let told = |w: &String| w.contains("a jammer") && w.contains("from -50.");
+    let reported = |w: &String| w.contains("a jammer") && w.contains("from -50.");
     let last = outcome.epochs.last().map_or(0, |e| e.observations.len());
     let suspected = outcome.sky_epochs.iter().any(|e| !e.sky.warnings().is_empty());
-    if outcome.notices.iter().map(ToString::to_string).any(|w| told(&w)) && last == 5 && !suspected
+    if outcome.notices.iter().map(ToString::to_string).any(|w| reported(&w))
+        && last == 5
+        && !suspected
     {
         Ok(())
     } else {
@@ -187,21 +190,21 @@ fn a_jammer_that_comes_up_is_removed_and_reported() -> Tested {
 }
 
 #[test]
-fn a_spoofer_is_named_and_a_sky_is_not() -> Tested {
+fn a_spoofer_is_reported_and_satellites_are_not() -> Tested {
     let spoofed = run(&["look", &scenario("spoofed_ura4")])?;
-    if !spoofed.said().contains("come from one direction") {
-        return Err(format!("not named: {}", spoofed.said()).into());
+    if !spoofed.messages().contains("come from one direction") {
+        return Err(format!("not named: {}", spoofed.messages()).into());
     }
-    let sky = run(&["look", &scenario("ura4")])?;
-    if sky.said().contains("suspected") {
-        return Err(sky.said().into());
+    let genuine = run(&["look", &scenario("ura4")])?;
+    if genuine.messages().contains("suspected") {
+        return Err(genuine.messages().into());
     }
     Ok(())
 }
 
-/// The satellites are heard for four seconds, and then a transmitter in their place.
+/// The satellites are received for four seconds, and then a transmitter instead.
 #[test]
-fn a_spoofer_who_takes_over_is_named_with_the_time() -> Tested {
+fn a_spoofer_that_takes_over_is_reported_with_the_time() -> Tested {
     let mut made = Scenario::read(Path::new(&scenario("spoofed_ura4")))?;
     made.duration_s = 9.0;
     let spoofer = made.spoofer.as_mut().ok_or("no spoofer")?;

@@ -1,5 +1,5 @@
-//! The plainest way to measure a satellite in samples: a replica, a carrier, a sum. Nothing here is the
-//! receiver's, apart from the table of C/A codes.
+//! A straightforward measurement of a satellite in samples: a replica, a carrier, a sum. It uses nothing of the
+//! receiver but the C/A codes.
 
 use num_complex::{Complex32, Complex64};
 use sdr_rx::gnss::signal::{GPS_L1_CA, L1_CENTRE_HZ};
@@ -9,14 +9,14 @@ use std::f64::consts::TAU;
 /// Code periods summed coherently.
 const BLOCK: usize = 10;
 
-/// Samples, and how they are to be read.
+/// Samples and their format.
 pub struct Signal {
     pub samples: Vec<Complex32>,
     pub rate_hz: f64,
     pub if_hz: f64,
 }
 
-/// What the scan finds.
+/// Result of the scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Peak {
     /// Doppler, Hz.
@@ -26,7 +26,7 @@ pub struct Peak {
 }
 
 impl Signal {
-    /// Doppler of a satellite whose codes start `offset_s` after the first sample: the greatest power
+    /// Doppler of a satellite whose codes start `offset_s` after the first sample: the maximum power
     /// of sums over 10 ms. Even or odd blocks of 10 ms hold no edge of a data bit: the better half counts.
     pub fn doppler(&self, sv: Sv, offset_s: f64) -> Peak {
         let code = signal::of(sv).code().iter().map(|&c| f32::from(c)).collect::<Vec<f32>>();
@@ -83,7 +83,7 @@ impl Signal {
     }
 }
 
-/// Power of the prompts at a frequency, in sums of ten: the greater of even and odd blocks.
+/// Power of the prompts at a frequency, in sums of ten: the larger of even and odd blocks.
 fn block_power(prompts: &[Complex64], frequency_hz: f64) -> f64 {
     let turn = Complex64::cis(-TAU * frequency_hz * 1e-3);
     let mut halves = [0.0; 2];

@@ -1,5 +1,5 @@
-//! The whole receiver from outside: captures go in, the JSON record and the files come out (needs
-//! `SDR_RX_DATA`; RTKLIB's `rnx2rtkp` and gpsd's `gpsdecode` where a test's name says so).
+//! The whole program, from captures to the JSON record and the files (needs
+//! `SDR_RX_DATA`; RTKLIB's `rnx2rtkp` and gpsd's `gpsdecode` where a test is named after them).
 
 mod array;
 mod beams;

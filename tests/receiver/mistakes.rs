@@ -1,17 +1,17 @@
-//! A newcomer's mistakes: each is named with what to try, and none exits with 0.
+//! Mistakes in options: each message names the mistake and a remedy, and no exit code is 0.
 
 use crate::common::{Tested, data};
 use crate::program::{file, run};
 use std::path::Path;
 
-/// A capture and how it is rightly read, with some of its satellites: six are enough for advice, and quick.
+/// A capture with its correct options and some of its satellites: six are enough for advice, and quick.
 const TOKYO: [&str; 2] = ["sim_tokyo_2.6MHz_1s_cs8.bin", "G10,G12,G13,G15,G18,G19"];
 /// Its Dopplers are 7 to 12 kHz.
 const CTTC: [&str; 2] = ["cttc_L1_4MHz_4ms_cf32.bin", "G29,G25,G31,G12,G02,G05"];
 const POCKET_4: [&str; 2] = ["pocketsdr_L1_4MHz_iq_cs8.bin", "G26,G31,G29,G16,J02,J03"];
 const POCKET_12: [&str; 2] = ["pocketsdr_L1_12MHz_real_s8.bin", "G05,G13,G20,G15,G30,J01"];
 
-/// Runs `process` on a mistaken reading. The exit code must be 1 or 2, and what is said name all parts.
+/// Runs `process` on a mistaken reading. The exit code must be 1 or 2, and the messages contain all parts.
 fn named(data: &Path, [name, prn]: [&str; 2], options: &str, parts: &[&str]) -> Option<String> {
     let capture = file(data, &format!("captures/{name}"));
     let navigation = file(data, "nav/brdc0010.22n");
@@ -27,12 +27,12 @@ fn complaint(arguments: &[&str], parts: &[&str]) -> Option<String> {
         Ok(answer) => answer,
         Err(error) => return Some(format!("{arguments:?}: {error:?}")),
     };
-    let said = answer.said();
-    let names = parts.iter().all(|part| said.contains(part));
+    let messages = answer.messages();
+    let names = parts.iter().all(|part| messages.contains(part));
     let right = names && (answer.code == 1 || answer.code == 2);
     (!right).then(|| {
         format!(
-            "{}: exit code {}, wanted {parts:?} in: {said}",
+            "{}: exit code {}, wanted {parts:?} in: {messages}",
             arguments[1..].join(" "),
             answer.code
         )

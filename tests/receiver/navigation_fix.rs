@@ -65,16 +65,16 @@ fn a_cold_start_gives_the_position() -> Tested {
     let fixes = answer.rows("fixes");
     let errors: Vec<f64> = fixes.iter().map(|f| (vector(&f["ecef_m"]) - PLACE).norm()).collect();
     let speeds: Vec<f64> = fixes.iter().map(|f| vector(&f["velocity_mps"]).norm()).collect();
-    let greatest = |list: &[f64]| list.iter().copied().fold(0.0, f64::max);
-    let (far, fast) = (greatest(&errors), greatest(&speeds));
+    let maximum = |list: &[f64]| list.iter().copied().fold(0.0, f64::max);
+    let (far, fast) = (maximum(&errors), maximum(&speeds));
     let middle = median(errors);
     let first = answer.json["first_fix_s"].as_f64().unwrap_or(f64::NAN);
     println!(
-        "{} fixes, first needs {first:.1} s, median error {middle:.2} m, greatest {far:.2} m; speed: median {:.3}, greatest {fast:.3} m/s",
+        "{} fixes, first needs {first:.1} s, median error {middle:.2} m, maximum {far:.2} m; speed: median {:.3}, maximum {fast:.3} m/s",
         fixes.len(),
         median(speeds.clone())
     );
-    // Times are right to what the position is: 15 m are 50 ns.
+    // Times are as accurate as positions: 15 m are 50 ns.
     let on_time = fixes.iter().all(|f| {
         let truth = 525_600.0 + f["sample"].as_f64().unwrap_or(f64::NAN) / 2.6e6;
         f["gps_week"] == 2190 && (f["tow_s"].as_f64().unwrap_or(f64::NAN) - truth).abs() < 1e-6
@@ -89,7 +89,7 @@ fn a_cold_start_gives_the_position() -> Tested {
     if right {
         Ok(())
     } else {
-        Err(format!("exit code {}, {} fixes, first {first} s, median {middle} m, greatest {far} m, {fast} m/s, on time: {on_time}\n{}", answer.code, fixes.len(), answer.said()).into())
+        Err(format!("exit code {}, {} fixes, first {first} s, median {middle} m, maximum {far} m, {fast} m/s, on time: {on_time}\n{}", answer.code, fixes.len(), answer.messages()).into())
     }
 }
 
@@ -194,17 +194,17 @@ fn rtklib_finds_our_fixes_from_our_rinex_files() -> Tested {
             run.answer.rows("fixes").iter().find(near).ok_or(format!("no fix of ours: {line}"))?;
         apart.push((vector(&fix["ecef_m"]) - Vector3::new(x, y, z)).norm());
     }
-    let greatest = apart.iter().copied().fold(0.0, f64::max);
-    println!("{} positions, at most {greatest:.2} m apart", apart.len());
+    let largest = apart.iter().copied().fold(0.0, f64::max);
+    println!("{} positions, at most {largest:.2} m apart", apart.len());
     let enough = apart.len() == run.answer.rows("fixes").len() && !apart.is_empty();
-    if enough && greatest <= 3.0 {
+    if enough && largest <= 3.0 {
         Ok(())
     } else {
-        Err(format!("{} positions, {greatest} m apart\n{text}", apart.len()).into())
+        Err(format!("{} positions, {largest} m apart\n{text}", apart.len()).into())
     }
 }
 
-/// gpsd learns the cycle of sentences from the first two epochs; then it reports each fix of ours.
+/// gpsd needs the first two epochs for the cycle of sentences; then it reports each of our fixes.
 #[test]
 fn gpsd_reads_our_fixes_from_our_nmea() -> Tested {
     let Some(_) = data_and("gpsdecode") else { return Ok(()) };

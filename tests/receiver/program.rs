@@ -1,4 +1,4 @@
-//! Running the program and reading what it says.
+//! Runs the program and reads its output.
 
 use crate::common::Failed;
 use assert_cmd::Command;
@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use serde_json::Value;
 use std::path::Path;
 
-/// What a run of the program gave.
+/// Output of a run of the program.
 pub struct Answer {
     /// Exit code.
     pub code: i32,
@@ -33,8 +33,8 @@ pub fn run(arguments: &[&str]) -> Result<Answer, Failed> {
 }
 
 impl Answer {
-    /// All that a person is told: warnings, the reason of a missing fix, errors.
-    pub fn said(&self) -> String {
+    /// All messages: warnings, the reason of a missing fix, errors.
+    pub fn messages(&self) -> String {
         format!("{}{}", self.stderr, self.json["reason"].as_str().unwrap_or_default())
     }
 

@@ -1,5 +1,5 @@
-//! Captures of real front ends: the satellites that their makers list are found, where and as fast as
-//! they are, and no others.
+//! Captures of real front ends: the satellites that their makers list are found with code phase and Doppler, and no
+//! others.
 
 use crate::brute_force::Signal;
 use crate::common::{Failed, Tested, data};
@@ -56,7 +56,7 @@ fn pocketsdr_12mhz_code_and_doppler_are_right() -> Tested {
     measured(d, &POCKET_12, 0.085, &TABLE_12)
 }
 
-/// A capture, how it is read, and what is known to be in it.
+/// A capture with its options and known satellites.
 struct Capture {
     files: &'static [&'static str],
     options: &'static [&'static str],
@@ -85,7 +85,7 @@ const POCKET_12: Capture = Capture {
 
 /// G12 (35.9) and G14 (35.1 dB-Hz) are not in the makers' list. They are satellites nevertheless: noise
 /// passes the search with probability 1e-14, and the correlation of two C/A codes (-21.6 dB at worst,
-/// Kaplan & Hegarty, table 4.7) puts shadows of the strongest, G03 (50.8), below 29.2 dB-Hz.
+/// Kaplan & Hegarty, table 4.7) puts cross-correlations of the strongest, G03 (50.8), below 29.2 dB-Hz.
 const IFEN: Capture = Capture {
     files: &["ifen.smfx", "ifen_ant0_L1_20MHz_2bit.bin", "ifen_ant1_L1_20MHz_2bit.bin"],
     options: &[],
@@ -94,7 +94,7 @@ const IFEN: Capture = Capture {
 };
 
 /// The samples jump twice, 3 and 22 ms after the start. As for IFEN, G19 (35.1), G13 (33.8) and G32 and
-/// G06 (32) pass with 1e-7 or less, and shadows of G30 (53.3) end at 31.7 dB-Hz.
+/// G06 (32) pass with 1e-7 or less, and cross-correlations of G30 (53.3) are below 31.7 dB-Hz.
 const JRC: Capture = Capture {
     files: &["jrc.sdrx", "jrc_L1L2L5_5MHz_1bit.bin"],
     options: &[],
@@ -239,7 +239,7 @@ fn gnss_sdr_code_and_doppler_are_as_its_authors_state() -> Tested {
     let doppler = answer.acquired("G01", "doppler_hz");
     let offset = answer.acquired("G01", "code_offset_us");
     println!("Doppler {doppler:.1} Hz, delay {:.2} samples", offset * 4.0);
-    // One whole code period fits into 2 ms: half a bin of 250 Hz is what the search knows.
+    // One whole code period fits into 2 ms: half a bin of 250 Hz is the accuracy of the search.
     let right = (doppler - 1680.0).abs() < 125.0 && (offset - 131.0).abs() < OFFSET_US;
     if right { Ok(()) } else { Err(format!("{doppler} Hz, {offset} us").into()) }
 }
@@ -262,12 +262,12 @@ fn a_mirrored_spectrum_is_noticed_and_a_right_one_is_not() -> Tested {
 
 /// -80.4 us between 86 and 88 ms. The table's figure is given to a twelfth of a microsecond (a sample).
 #[test]
-fn the_sample_slip_of_the_12mhz_capture_is_reported() -> Tested {
+fn the_missing_samples_of_the_12mhz_capture_are_reported() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let answer = acquire(data, &POCKET_12)?;
     let text =
         answer.rows("warnings").iter().filter_map(|w| w.as_str()).find(|w| w.contains("jump"));
-    let text = text.ok_or(format!("no slip in: {}", answer.stderr))?;
+    let text = text.ok_or(format!("no missing samples in: {}", answer.stderr))?;
     let numbers: Vec<f64> = text
         .split(|c: char| !(c.is_ascii_digit() || "+-.".contains(c)))
         .filter_map(|w| w.parse().ok())
@@ -275,7 +275,7 @@ fn the_sample_slip_of_the_12mhz_capture_is_reported() -> Tested {
     let [after_ms, before_ms, jump_us, ..] = numbers[..] else {
         return Err(format!("no numbers in: {text}").into());
     };
-    // A look takes three codes of 1 ms: the slip is placed to within that much on either side.
+    // A look takes three codes of 1 ms: the jump is located to within that much on either side.
     let placed = after_ms <= 88.0 && before_ms >= 86.0 && before_ms - after_ms <= 6.0;
     if placed && (jump_us + 80.4).abs() < OFFSET_US { Ok(()) } else { Err(text.into()) }
 }

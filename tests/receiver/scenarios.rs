@@ -1,4 +1,4 @@
-//! The scenarios that ship with the program: simulated, received from the signals alone, compared with the
+//! The scenarios of the repository: simulated, received from the signals alone, compared with the
 //! truth. They need no data.
 
 use crate::common::{Failed, Tested};
@@ -12,7 +12,7 @@ use std::path::Path;
 /// Three subframes of 6 s hold an ephemeris; the scenarios start with a frame.
 const SECONDS: &str = "20";
 
-/// One fix beside the truth of the same sample.
+/// One fix compared with the truth of the same sample.
 struct Compared {
     position_m: f64,
     velocity_mps: f64,
@@ -34,7 +34,7 @@ fn compared(name: &str) -> Result<Vec<Compared>, Failed> {
     let epochs = truth["epochs"].as_array().ok_or("no truth")?;
     let answer = run(&["process", &capture])?;
     if answer.code != 0 {
-        return Err(format!("exit code {}: {}", answer.code, answer.said()).into());
+        return Err(format!("exit code {}: {}", answer.code, answer.messages()).into());
     }
     let compare = |fix: &Value| {
         // Fixes lie on round seconds, the truth on seconds of the receiver's clock, which is 0.12 ms off: at 25 m/s
@@ -72,31 +72,29 @@ fn rate_sigma_mps(bandwidth_hz: f64, cn0_dbhz: f64) -> f64 {
 /// of a position error is below its rms, PDOP x sigma; five times that holds for each of twenty. The
 /// message's steps add some 0.3 m.
 #[test]
-fn a_simulated_static_receiver_is_found_where_it_stands() -> Tested {
+fn a_simulated_static_receiver_is_found_at_its_position() -> Tested {
     let all = compared("static_8sv.toml")?;
     let middle = median(all.iter().map(|c| c.position_m).collect());
-    let greatest = all.iter().map(|c| c.position_m).fold(0.0, f64::max);
+    let largest = all.iter().map(|c| c.position_m).fold(0.0, f64::max);
     let speed = median(all.iter().map(|c| c.velocity_mps).collect());
     let pdop = all[0].pdop;
-    println!(
-        "median {middle:.2} m, greatest {greatest:.2} m, speed {speed:.3} m/s, PDOP {pdop:.2}"
-    );
+    println!("median {middle:.2} m, largest {largest:.2} m, speed {speed:.3} m/s, PDOP {pdop:.2}");
     let (steady, early) = (code_sigma_m(0.5, 44.4), code_sigma_m(2.0, 44.4));
     let right = middle < pdop * steady + 0.3
-        && greatest < 5.0 * pdop * early + 0.3
+        && largest < 5.0 * pdop * early + 0.3
         && speed < pdop * rate_sigma_mps(15.0, 44.4);
     if right {
         Ok(())
     } else {
-        Err(format!("median {middle} m, greatest {greatest} m, {speed} m/s").into())
+        Err(format!("median {middle} m, largest {largest} m, {speed} m/s").into())
     }
 }
 
 /// Satellites at 550 and 1200 km, whose Doppler changes by up to 500 Hz a second. The position lies within
-/// four of the deviations that the fix states. A Doppler of 0.2 s is good to 0.03 Hz (Cramer-Rao, 44 dB-Hz),
-/// 6 mm/s, to which the receiver adds 20 mm/s for its model: times PDOP, four deviations.
+/// four of the fix's standard deviations. A Doppler of 0.2 s is good to 0.03 Hz (Cramer-Rao, 44 dB-Hz),
+/// 6 mm/s, to which the receiver adds 20 mm/s for its model: times PDOP, four standard deviations.
 #[test]
-fn a_fifth_of_a_second_under_low_shells_gives_place_and_velocity() -> Tested {
+fn a_fifth_of_a_second_under_low_shells_gives_position_and_velocity() -> Tested {
     for name in ["leo_550km.toml", "leo_1200km.toml"] {
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("signals").join(name);
         let folder = tempfile::tempdir()?;
@@ -112,7 +110,7 @@ fn a_fifth_of_a_second_under_low_shells_gives_place_and_velocity() -> Tested {
         let (capture, nav) = (made("sigmf-meta"), made("nav.rnx"));
         let answer = run(&["process", &capture, "--nav", &nav, "--doppler-max", "40k"])?;
         let [fix] = answer.rows("fixes") else {
-            return Err(format!("{name}: {}", answer.said()).into());
+            return Err(format!("{name}: {}", answer.messages()).into());
         };
         let error = (vector(&fix["ecef_m"]) - here).norm();
         let (sigma, speed) = (vector(&fix["sigma_m"]).norm(), vector(&fix["velocity_mps"]).norm());
@@ -131,9 +129,9 @@ fn a_fifth_of_a_second_under_low_shells_gives_place_and_velocity() -> Tested {
 fn a_simulated_car_on_a_circle_has_its_velocity() -> Tested {
     let all = compared("circle_8sv.toml")?;
     let middle = median(all.iter().map(|c| c.velocity_mps).collect());
-    let greatest = all.iter().map(|c| c.velocity_mps).fold(0.0, f64::max);
+    let largest = all.iter().map(|c| c.velocity_mps).fold(0.0, f64::max);
     let (pdop, sigma) = (all[0].pdop, rate_sigma_mps(15.0, 40.0));
-    println!("velocity: median {middle:.3} m/s, greatest {greatest:.3} m/s, PDOP {pdop:.2}");
-    let right = middle < pdop * sigma && greatest < 5.0 * pdop * sigma;
-    if right { Ok(()) } else { Err(format!("median {middle} m/s, greatest {greatest} m/s").into()) }
+    println!("velocity: median {middle:.3} m/s, largest {largest:.3} m/s, PDOP {pdop:.2}");
+    let right = middle < pdop * sigma && largest < 5.0 * pdop * sigma;
+    if right { Ok(()) } else { Err(format!("median {middle} m/s, largest {largest} m/s").into()) }
 }

@@ -29,16 +29,16 @@ fn a_snapshot_of_a_second_gives_a_fix() -> Tested {
     windows(d, 1.0, 1, 1, 10.0)
 }
 
-/// Place of the capture over Tokyo, and GPS time of its first sample.
+/// Position of the capture over Tokyo, and GPS time of its first sample.
 pub const TOKYO: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
 pub const TOKYO_WEEK_TOW: (i32, f64) = (2190, 525_633.0);
 
-/// Greatest error of the time given, s; of the time found, s; and of any printed position, m.
+/// Maximum error of the time given, s; of the time found, s; and of any printed position, m.
 const TIME_OFF_S: f64 = 60.0;
 const TIME_S: f64 = 0.1;
 const FAR_M: f64 = 500.0;
 
-/// The receiver's answer to part of a capture, told that it was recorded `off_s` later than it was.
+/// The receiver's answer to part of a capture, with a time that is `off_s` late.
 pub fn snapshot(
     data: &Path,
     name: &str,
@@ -63,17 +63,17 @@ pub fn snapshot(
 /// Position error (m) and time error (s) of a fix in a part that starts `start_s` into the capture.
 fn errors(
     fix: &Fix,
-    place: Vector3<f64>,
+    truth_m: Vector3<f64>,
     start: GpsTime,
     start_s: f64,
     rate_hz: f64,
 ) -> (f64, f64) {
     let true_time = start + (start_s + fix.sample / rate_hz);
-    ((fix.position_m - place).norm(), fix.time - true_time)
+    ((fix.position_m - truth_m).norm(), fix.time - true_time)
 }
 
 /// `count` windows evenly over the second, the time off by another amount in each, from -60 to 60 s.
-fn windows(data: &Path, seconds: f64, count: usize, least: usize, median_m: f64) -> Tested {
+fn windows(data: &Path, seconds: f64, count: usize, minimum: usize, median_m: f64) -> Tested {
     let start = GpsTime::from_week_tow(TOKYO_WEEK_TOW.0, TOKYO_WEEK_TOW.1);
     let rate_hz = 2.6e6;
     let (mut found, mut problems) = (Vec::new(), Vec::new());
@@ -94,23 +94,25 @@ fn windows(data: &Path, seconds: f64, count: usize, least: usize, median_m: f64)
                 let (position_m, time_s) = errors(fix, TOKYO, start, start_s, rate_hz);
                 if position_m > FAR_M || time_s.abs() > TIME_S {
                     problems.push(format!(
-                        "at {start_s:.3} s, told {off_s:+.1} s: {position_m:.0} m, {time_s:+.3} s"
+                        "at {start_s:.3} s, time given {off_s:+.1} s late: {position_m:.0} m, {time_s:+.3} s"
                     ));
                 }
                 found.push((position_m, time_s.abs()));
             }
-            None => println!("at {start_s:.3} s, told {off_s:+.1} s: {:?}", outcome.reason),
+            None => {
+                println!("at {start_s:.3} s, time given {off_s:+.1} s late: {:?}", outcome.reason)
+            }
         }
     }
     let middle = median(found.iter().map(|f| f.0).collect());
     let worst = found.iter().fold((0f64, 0f64), |w, f| (w.0.max(f.0), w.1.max(f.1)));
     println!(
-        "{seconds} s: {} fixes of {count}, median error {middle:.1} m, greatest {:.1} m and {:.4} s",
+        "{seconds} s: {} fixes of {count}, median error {middle:.1} m, maximum {:.1} m and {:.4} s",
         found.len(),
         worst.0,
         worst.1
     );
-    if found.len() < least || middle.is_nan() || middle > median_m {
+    if found.len() < minimum || middle.is_nan() || middle > median_m {
         problems.push(format!("{} fixes of {count}, median {middle:.1} m", found.len()));
     }
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ").into()) }
@@ -121,7 +123,7 @@ fn windows(data: &Path, seconds: f64, count: usize, least: usize, median_m: f64)
 fn one_channel_of_an_array_gives_a_fix_from_100_ms() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let start = GpsTime::from_week_tow(2190, 551_667.0);
-    let place =
+    let truth_m =
         sdr_rx::gnss::coordinates::Geodetic::from_degrees(-1.292066, 36.821945, 1700.0).to_ecef();
     let rate_hz = 2e6;
     let open = OpenOptions {
@@ -133,7 +135,7 @@ fn one_channel_of_an_array_gives_a_fix_from_100_ms() -> Tested {
     };
     let outcome = snapshot(data, "sim_array4_2MHz_0.5s_cs8.bin", open, start, 30.0)?;
     let fix = outcome.fixes.first().ok_or(format!("no fix: {:?}", outcome.reason))?;
-    let (position_m, time_s) = errors(fix, place, start, 0.0, rate_hz);
+    let (position_m, time_s) = errors(fix, truth_m, start, 0.0, rate_hz);
     println!("{position_m:.1} m, {time_s:+.4} s with {} satellites", fix.residuals.len());
     let right = position_m <= 20.0 && time_s.abs() <= TIME_S;
     if right { Ok(()) } else { Err(format!("{position_m} m, {time_s} s").into()) }

@@ -1,4 +1,4 @@
-//! The receiver as a stream: however it is cut, soon after the signal, interrupted, for an hour.
+//! The receiver as a stream: independence of blocks, latency, interruption, an hour of signal.
 
 use crate::common::{Failed, Tested, data};
 use crate::program::{Answer, file, run};
@@ -23,7 +23,7 @@ fn scenario(seconds: f64) -> Result<Scenario, Failed> {
     Ok(scenario)
 }
 
-/// What a stream gave: each event with the samples that had been pushed by then, and the record.
+/// Results of a stream: each event with the samples that had been pushed by then, and the record.
 struct Streamed {
     events: Vec<(u64, Event)>,
     record: Record,
@@ -91,10 +91,13 @@ fn the_first_fix_comes_when_four_satellites_are_ready_and_later_ones_within_a_se
     let mut last: Option<&Fix> = None;
     let mut count = 0;
     for (pushed, fix) in streamed.fixes() {
-        let (told_s, at_s) = (pushed as f64 / streamed.rate_hz, fix.sample / streamed.rate_hz);
-        assert!(told_s - at_s <= 1.0, "the fix of {at_s} s came at {told_s} s");
+        let (reported_s, at_s) = (pushed as f64 / streamed.rate_hz, fix.sample / streamed.rate_hz);
+        assert!(reported_s - at_s <= 1.0, "the fix of {at_s} s came at {reported_s} s");
         match last {
-            None => assert!(told_s - ready_s <= 1.0, "ready at {ready_s} s, told at {told_s} s"),
+            None => assert!(
+                reported_s - ready_s <= 1.0,
+                "ready at {ready_s} s, reported at {reported_s} s"
+            ),
             // Instants that are left out would be lost.
             Some(last) => assert!(fix.time - last.time < 1.5, "{:?} {:?}", fix.time, last.time),
         }
@@ -106,7 +109,7 @@ fn the_first_fix_comes_when_four_satellites_are_ready_and_later_ones_within_a_se
 }
 
 #[test]
-fn instants_lie_on_round_seconds_once_a_fix_has_told_the_time() -> Tested {
+fn instants_lie_on_round_seconds_once_a_fix_has_given_the_time() -> Tested {
     // The recording starts 0.3 s past a second, by a clock that is 2 ms off and drifts by 2 ppm.
     let mut scenario = scenario(SECONDS)?;
     scenario.start = scenario.start + 0.3;
@@ -168,7 +171,7 @@ fn a_pipe_gives_a_line_a_fix_in_time_and_the_record_of_the_file() -> Tested {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_pipe_leaves_what_was_reached_in_every_format() -> Tested {
+fn an_interrupted_pipe_leaves_its_results_in_every_format() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let bytes = std::fs::read(file(data, "captures/sim_tokyo_2.6MHz_45s_1bit.bin"))?;
     let folder = tempfile::tempdir()?;

@@ -1,4 +1,4 @@
-//! Snapshots of which neither place nor time is known: a navigation file alone gives both.
+//! Snapshots of unknown position and time: a navigation file alone gives both.
 //!
 //! The week of navigation data is made of the file's day: each orbit and clock goes on for whole days, so
 //! that the geometry repeats after sidereal days as the real one does, each satellite's by its own period.
@@ -74,7 +74,7 @@ fn windows(
     (0..count).map(|k| observe(data, start_s(k), seconds)).collect()
 }
 
-/// What became of many tries.
+/// Outcomes of many tries.
 #[derive(Debug, Default)]
 struct Tally {
     tries: usize,
@@ -90,7 +90,7 @@ struct Tally {
     refusals: Vec<String>,
 }
 
-/// Solves the windows in turn `tries` times, told a time that is off by a random part of `off_s`.
+/// Solves the windows in turn `tries` times, with a time that is off by a random fraction of `off_s`.
 fn tally(
     windows: &[(ObservationEpoch, GpsTime)],
     nav: &NavigationData,
@@ -138,7 +138,7 @@ fn tally(
     tally
 }
 
-/// Processor time of this thread, s; 0 where the system does not tell.
+/// Processor time of this thread, s; 0 where the system does not give it.
 fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
@@ -155,7 +155,7 @@ fn judge(tally: Tally, what: &str, median_m: f64) -> Tested {
 }
 
 #[test]
-fn time_within_five_hours_is_found_with_the_place() -> Tested {
+fn time_within_five_hours_is_found_with_the_position() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?;
     // In 20 ms the code noise is twice that of 100 ms, and so is the bound.
@@ -201,7 +201,7 @@ fn days(data: &Path, days: impl Iterator<Item = i32> + Clone) -> Result<Navigati
     Ok(nav)
 }
 
-/// A right fix or an honest refusal.
+/// A correct fix or a refusal.
 fn day_and_week(data: &Path, tries: usize) -> Tested {
     let week = days(data, -3..=3)?;
     for seconds in [0.02, 0.1, 1.0] {
@@ -222,7 +222,7 @@ fn day_and_week(data: &Path, tries: usize) -> Tested {
     Ok(())
 }
 
-/// A day too early or too late there is a place with the same Dopplers, but not the same code phases.
+/// A day too early or too late there is a position with the same Dopplers, but not the same code phases.
 fn another_day(data: &Path, tries: usize) -> Tested {
     for day in [-1, 1] {
         let nav = days(data, std::iter::once(day))?;
@@ -257,16 +257,16 @@ fn the_program_needs_no_time() -> Tested {
         "none",
     ];
     // 2022-01-01T02:00:33 GPS time is 18 s less in UTC, and the fix lies in the middle of 0.2 s.
-    let told = ["--time", "2022-01-01T06:00:00Z", "--time-uncertainty"];
-    for (extra, searched_s) in [(vec![], DAY_S), ([&told[..], &["5h"]].concat(), 10.0 * HOUR_S)] {
+    let given = ["--time", "2022-01-01T06:00:00Z", "--time-uncertainty"];
+    for (extra, searched_s) in [(vec![], DAY_S), ([&given[..], &["5h"]].concat(), 10.0 * HOUR_S)] {
         let answer = run(&[&known[..], &extra].concat())?;
-        let fix = answer.rows("fixes").first().ok_or(format!("no fix: {}", answer.said()))?;
+        let fix = answer.rows("fixes").first().ok_or(format!("no fix: {}", answer.messages()))?;
         let far_m = (vector(&fix["ecef_m"]) - TOKYO).norm();
         let off_s = fix["tow_s"].as_f64().unwrap_or(f64::NAN) - TOKYO_WEEK_TOW.1 - 0.1;
         let searched = fix["time_searched_s"].as_f64().unwrap_or(f64::NAN);
         let expected = fix["false_fixes_expected"].as_f64().unwrap_or(f64::NAN);
         println!("{extra:?}: {far_m:.1} m, {off_s:+.4} s, {searched} s searched, {expected:.0e}");
-        // Ephemerides of a day are in force for two hours more at either end.
+        // Ephemerides of a day are valid for two hours more at either end.
         let right = far_m <= 20.0
             && off_s.abs() <= 0.1
             && (searched - searched_s).abs() <= 4.0 * HOUR_S
@@ -275,10 +275,10 @@ fn the_program_needs_no_time() -> Tested {
             return Err(format!("{fix}").into());
         }
     }
-    let refused = run(&[&known[..], &told[..], &["3h"]].concat())?;
-    println!("{}", refused.said());
-    let honest = refused.code == 1
+    let refused = run(&[&known[..], &given[..], &["3h"]].concat())?;
+    println!("{}", refused.messages());
+    let correct = refused.code == 1
         && refused.rows("fixes").is_empty()
-        && refused.said().contains("6.0 h searched");
-    if honest { Ok(()) } else { Err(refused.said().into()) }
+        && refused.messages().contains("6.0 h searched");
+    if correct { Ok(()) } else { Err(refused.messages().into()) }
 }

@@ -1,7 +1,7 @@
 //! Each format read back by an independent reader.
 
 use crate::common::{Tested, data};
-use crate::scene::{EPOCHS, PLACE, Scene};
+use crate::scene::{EPOCHS, Scene, TRUTH_M};
 use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_nav;
@@ -63,10 +63,10 @@ fn json_holds_the_stable_fields() -> Tested {
         (&fix["utc"], &fix["method"]),
         (&"2022-01-01T01:59:42.000Z".into(), &"tracking".into())
     );
-    // The fix stands 1 m east of the place: 1.1e-5 deg of longitude there.
-    let place = Geodetic::from_ecef(&PLACE);
-    let east = fix["lon_deg"].as_f64().unwrap_or(f64::NAN) - place.longitude.to_degrees();
-    assert!((east.to_radians() * 6.378e6 * place.latitude.cos() - 1.0).abs() < 0.01);
+    // The fix is 1 m east of the true position: 1.1e-5 deg of longitude there.
+    let position = Geodetic::from_ecef(&TRUTH_M);
+    let east = fix["lon_deg"].as_f64().unwrap_or(f64::NAN) - position.longitude.to_degrees();
+    assert!((east.to_radians() * 6.378e6 * position.latitude.cos() - 1.0).abs() < 0.01);
     // Half a code period of 1000 us from the start of a code period to the next.
     let offset = document["acquisitions"][0]["code_offset_us"].as_f64().unwrap_or(f64::NAN);
     assert!((offset - 500.0).abs() < 1e-9);
@@ -131,19 +131,19 @@ fn plots_and_page_are_well_formed_and_whole() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let run = scene.run();
-    let sky = report::sky(&run);
-    assert_eq!(sky.len(), scene.epochs[0].observations.len());
-    let plot = report::sky_plot(&sky)?;
+    let in_view = report::satellites_in_view(&run);
+    assert_eq!(in_view.len(), scene.epochs[0].observations.len());
+    let plot = report::sky_plot(&in_view)?;
     let tree = roxmltree::Document::parse(&plot)?;
     let circles = tree.descendants().filter(|n| n.has_tag_name("circle")).count();
-    assert_eq!(circles, sky.len(), "one disc a satellite");
+    assert_eq!(circles, in_view.len(), "one disc a satellite");
     let summary = report::Summary::new(&scene.fixes, 2.6e6).ok_or("a summary")?;
     let scatter = report::east_north_plot(&summary)?;
     let circles = roxmltree::Document::parse(&scatter)?;
     assert_eq!(circles.descendants().filter(|n| n.has_tag_name("circle")).count(), EPOCHS);
     // Fifteen fixes 1 m to either side: all stand 1 m from the median, which lies between.
     assert!((summary.horizontal_50_m - 1.0).abs() < 1e-6 && summary.vertical_95_m < 1e-6);
-    assert!((summary.median_m - PLACE).norm() < 1e-6 && summary.first_fix_s == 0.0);
+    assert!((summary.median_m - TRUTH_M).norm() < 1e-6 && summary.first_fix_s == 0.0);
     let page = report::html(&run)?;
     assert_eq!(page.matches("<svg").count(), 3);
     assert!(page.contains("scene &amp; co.bin") && page.contains("spectrum &lt;mirrored&gt;?"));
@@ -155,7 +155,7 @@ fn plots_and_page_are_well_formed_and_whole() -> Tested {
 }
 
 #[test]
-fn tables_say_what_was_found() -> Tested {
+fn tables_list_what_was_found() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let scene = Scene::new(data)?;
     let run = scene.run();
@@ -163,7 +163,7 @@ fn tables_say_what_was_found() -> Tested {
     assert_eq!(found.lines().count(), run.acquisitions.len() + 1);
     let fixes = report::fix_table(&run);
     assert!(fixes.contains("35.68129") && fixes.contains("north +2.000"), "{fixes}");
-    let sky = report::sky_text(&report::sky(&run));
+    let sky = report::sky_plot_text(&report::satellites_in_view(&run));
     for o in &scene.epochs[0].observations {
         assert!(sky.contains(&o.sv().to_string()[1..]), "{} in\n{sky}", o.sv());
     }
@@ -190,7 +190,7 @@ fn the_same_run_gives_the_same_bytes_and_no_stray_file() -> Tested {
         contents.push((names, bytes?));
     }
     assert_eq!(contents[0], contents[1]);
-    // A folder that cannot be made names itself and says what to do.
+    // The error of a folder that cannot be made names it and what to do.
     let blocked = folders[0].path().join("a/b/result.json/sub");
     let error = OutputDir::create(blocked).unwrap_err().to_string();
     assert!(error.starts_with("making the output folder") && error.contains("--out"), "{error}");

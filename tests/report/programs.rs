@@ -1,7 +1,7 @@
 //! RTKLIB and gpsd read what is written.
 
 use crate::common::{Failed, Tested, data_and};
-use crate::scene::{EPOCHS, PLACE, Scene};
+use crate::scene::{EPOCHS, Scene, TRUTH_M};
 use nalgebra::Vector3;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::report::{OutputDir, write_all};
@@ -18,7 +18,7 @@ fn written(scene: &Scene) -> Result<(tempfile::TempDir, Vec<PathBuf>), Failed> {
 /// rounding (uniform, 0.3 mm rms) times a PDOP of about 2 is below a millimetre; RTKLIB stops iterating
 /// below 0.1 mm and prints 0.1 mm. 1 cm leaves a factor of ten.
 #[test]
-fn rtklib_finds_the_place_from_our_rinex_files() -> Tested {
+fn rtklib_finds_the_position_from_our_rinex_files() -> Tested {
     let Some(data) = data_and("rnx2rtkp") else { return Ok(()) };
     let scene = Scene::new(data)?;
     let (_folder, paths) = written(&scene)?;
@@ -31,7 +31,7 @@ fn rtklib_finds_the_place_from_our_rinex_files() -> Tested {
         let [.., _] = numbers[..] else { return Err(format!("rnx2rtkp printed '{line}'").into()) };
         let first = line.split_whitespace().skip(2).take(3).filter_map(|w| w.parse().ok());
         let position = Vector3::from_iterator(first.chain(std::iter::repeat(f64::NAN)).take(3));
-        let miss = (position - PLACE).norm();
+        let miss = (position - TRUTH_M).norm();
         if miss.is_nan() || miss > 0.01 {
             return Err(format!("rnx2rtkp is {miss} m off: {line}").into());
         }
@@ -59,22 +59,22 @@ fn gpsd_reads_our_nmea() -> Tested {
         .filter_map(|line| serde_json::from_str(line).ok())
         .collect();
     let of = |class: &str| reports.iter().filter(|r| r["class"] == class).collect::<Vec<_>>();
-    let place = Geodetic::from_ecef(&PLACE);
-    // gpsd learns the cycle of sentences from the first epochs before it reports.
+    let truth = Geodetic::from_ecef(&TRUTH_M);
+    // gpsd needs the first epochs for the cycle of sentences before it reports.
     if of("TPV").len() < EPOCHS - 2 {
         return Err(format!("{} of {EPOCHS} positions", of("TPV").len()).into());
     }
     for tpv in of("TPV") {
         let number = |name: &str| tpv[name].as_f64().unwrap_or(f64::NAN);
-        let close = (number("lat") - place.latitude.to_degrees()).abs() < 2e-8
-            && (number("lon") - place.longitude.to_degrees()).abs() < 2e-5
-            && (number("altHAE") - place.height).abs() < 2e-3;
+        let close = (number("lat") - truth.latitude.to_degrees()).abs() < 2e-8
+            && (number("lon") - truth.longitude.to_degrees()).abs() < 2e-5
+            && (number("altHAE") - truth.height).abs() < 2e-3;
         if !close {
             return Err(format!("gpsd reads {tpv}").into());
         }
     }
-    let used = |sky: &&serde_json::Value| {
-        sky["uSat"].as_u64() == Some(scene.fixes[0].residuals.len() as u64)
+    let used = |report: &&serde_json::Value| {
+        report["uSat"].as_u64() == Some(scene.fixes[0].residuals.len() as u64)
     };
     let good = of("SKY").into_iter().filter(|s| used(s)).count();
     if good < EPOCHS - 2 {

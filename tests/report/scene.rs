@@ -1,4 +1,4 @@
-//! A receiver that stands in Tokyo, its observations computed from broadcast ephemerides without noise.
+//! A receiver at rest in Tokyo, its observations computed from broadcast ephemerides without noise.
 
 use crate::common::Failed;
 use nalgebra::{Matrix3, Vector3};
@@ -15,8 +15,8 @@ use sdr_rx::position::{Fix, FixMethod, Residual};
 use sdr_rx::report::{Input, Run};
 use std::path::Path;
 
-/// Where the receiver stands, m, ECEF.
-pub const PLACE: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
+/// Position of the receiver, m, ECEF.
+pub const TRUTH_M: Vector3<f64> = Vector3::new(-3_959_617.5, 3_350_136.6, 3_699_531.5);
 /// Receive times, one a second.
 pub const EPOCHS: usize = 30;
 /// Samples per second.
@@ -85,10 +85,10 @@ impl Scene {
 fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpoch {
     let observe = |sv: Sv| {
         let eph = navigation.ephemeris(sv, time).filter(|e| e.health == 0)?;
-        let p = Propagation::solve(eph, &PLACE, time);
-        let (_, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
+        let p = Propagation::solve(eph, &TRUTH_M, time);
+        let (_, elevation) = azimuth_elevation(&TRUTH_M, &p.satellite.position_m);
         let metres = p.range_m - SPEED_OF_LIGHT * p.satellite.clock_bias_s;
-        let sight = (p.satellite.position_m - PLACE) / p.range_m;
+        let sight = (p.satellite.position_m - TRUTH_M) / p.range_m;
         let doppler_hz = -sight.dot(&p.satellite.velocity_mps) / L1_WAVELENGTH
             + L1_CENTRE_HZ * p.satellite.clock_drift_sps;
         (elevation > 0.26).then_some(Observation {
@@ -106,20 +106,20 @@ fn epoch(navigation: &NavigationData, time: GpsTime, k: usize) -> ObservationEpo
     ObservationEpoch { receive_time: time, sample: k as f64 * RATE_HZ, observations }
 }
 
-/// A fix at the true place, a metre off to the east or west by turns.
+/// A fix a metre to the east or west of the true position by turns.
 fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
     let residual = |o: &Observation| {
         let eph = navigation.ephemeris(o.sv(), epoch.receive_time)?;
-        let p = Propagation::solve(eph, &PLACE, epoch.receive_time);
-        let (azimuth, elevation) = azimuth_elevation(&PLACE, &p.satellite.position_m);
+        let p = Propagation::solve(eph, &TRUTH_M, epoch.receive_time);
+        let (azimuth, elevation) = azimuth_elevation(&TRUTH_M, &p.satellite.position_m);
         Some(Residual { sv: o.sv(), range_m: Some(0.5), doppler_hz: Some(0.1), azimuth, elevation })
     };
     let side = if (epoch.sample as u64 / RATE_HZ as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
-    let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&PLACE).ecef_to_enu();
+    let to_enu = sdr_rx::gnss::coordinates::Geodetic::from_ecef(&TRUTH_M).ecef_to_enu();
     Fix {
         time: epoch.receive_time,
         sample: epoch.sample,
-        position_m: PLACE + to_enu.transpose() * Vector3::new(side, 0.0, 0.0),
+        position_m: TRUTH_M + to_enu.transpose() * Vector3::new(side, 0.0, 0.0),
         velocity_mps: Some(to_enu.transpose() * Vector3::new(0.0, 2.0, 0.0)),
         clock_bias_s: Some(0.0),
         clock_drift_sps: Some(0.0),

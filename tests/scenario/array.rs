@@ -1,4 +1,4 @@
-//! Scenarios of antenna arrays: against closed forms, and against a simulator that others wrote.
+//! Scenarios of antenna arrays: against closed forms, and against an independent simulator.
 
 use super::correlator::periods;
 use super::theory::scenario;
@@ -21,7 +21,7 @@ fn wide(x: &Complex32) -> Complex64 {
     Complex64::new(x.re.into(), x.im.into())
 }
 
-/// Least-squares weight by which `b` is `a`, and the mean power of the rest over that of `a`.
+/// Least-squares factor of `b` against `a`, and the mean power of the residual over that of `a`.
 fn ratio(a: &[Complex32], b: &[Complex32]) -> (Complex64, f64) {
     let power: f64 = a.iter().map(|x| f64::from(x.norm_sqr())).sum();
     let weight = b.iter().zip(a).map(|(b, a)| wide(b) * wide(a).conj()).sum::<Complex64>() / power;
@@ -35,7 +35,7 @@ fn with_satellites(list: &[&str], rest: &str) -> Scenario {
 }
 
 #[test]
-fn each_element_hears_the_plane_wave_of_the_turned_array() -> Tested {
+fn each_element_receives_the_plane_wave_of_the_rotated_array() -> Tested {
     let scenario = with_satellites(
         &["G21"],
         "[array]
@@ -64,11 +64,11 @@ fn each_element_hears_the_plane_wave_of_the_turned_array() -> Tested {
         assert!((a - b).abs() < 1e-12, "{cosines:?} {right} {forward} {up}");
     }
     let phase = |[e, n, u]: [f64; 3]| TAU * (e * right + n * forward + u * up) / L1_WAVELENGTH;
-    for (channel, place, gain, error) in
+    for (channel, position, gain, error) in
         [(1, [0.3, -0.1, 0.05], 1.0, -30.0f64), (2, [-0.2, 0.4, 0.1], -2.0, 20.0)]
     {
         let expected =
-            Complex64::from_polar(10f64.powf(gain / 20.0), phase(place) + error.to_radians());
+            Complex64::from_polar(10f64.powf(gain / 20.0), phase(position) + error.to_radians());
         let (weight, rest) = ratio(block.channel(0), block.channel(channel));
         // The phasor's single precision: 8e-6 rad at the end of a segment (`mix_add`). Directions turn by
         // 2e-4 rad/s x 0.45 m = 3 rad/s x 1e-3 in phase: 3e-6 rad over a segment.
@@ -82,7 +82,7 @@ fn each_element_hears_the_plane_wave_of_the_turned_array() -> Tested {
 }
 
 #[test]
-fn threads_change_nothing_and_the_origin_hears_a_single_antenna() -> Tested {
+fn threads_change_nothing_and_the_origin_receives_as_a_single_antenna() -> Tested {
     let front_end = "[noise]\nimpulse_share = 0.1\nimpulse_variance_ratio = 50.0\n\
                      [front_end]\nrate_hz = 2e6\nbandwidth_hz = 1.8e6\nbits = 8";
     let array = with_satellites(
@@ -99,13 +99,13 @@ fn threads_change_nothing_and_the_origin_hears_a_single_antenna() -> Tested {
     let single = block(&with_satellites(&["G17", "G21"], front_end))?.1;
     assert!(one.channel(0) == single.channel(0));
     let same = one.channel(0).iter().zip(one.channel(1)).filter(|(a, b)| a == b).count();
-    // Two independent 8-bit samples of 32 steps rms agree in 1 / (2 sqrt(pi) 32) of cases per rail.
+    // Two independent 8-bit samples of 32 steps rms agree in 1 / (2 sqrt(pi) 32) of cases for each of I and Q.
     assert!(same < 40, "{same}");
     Ok(())
 }
 
 #[test]
-fn a_front_end_of_ones_own_is_told_which_element_it_serves() -> Tested {
+fn a_custom_front_end_is_given_the_index_of_its_element() -> Tested {
     struct Number;
     impl FrontEnd for Number {
         fn delay(&self) -> usize {
@@ -128,7 +128,7 @@ fn a_front_end_of_ones_own_is_told_which_element_it_serves() -> Tested {
 }
 
 #[test]
-fn impulses_strike_elements_alone_or_together_as_asked() -> Tested {
+fn impulses_are_at_single_or_all_elements_as_specified() -> Tested {
     for common in [0.0, 0.5, 1.0] {
         let mut scenario = with_satellites(
             &["G21"],
@@ -144,12 +144,12 @@ fn impulses_strike_elements_alone_or_together_as_asked() -> Tested {
         let strikes = |c: usize| block.channel(c).iter().map(|x| x.norm_sqr() > 16.0);
         let [first, second] = [0, 1].map(|c| strikes(c).filter(|&s| s).count() as f64 / n);
         let both = strikes(0).zip(strikes(1)).filter(|&(a, b)| a && b).count() as f64 / n;
-        let (shared, own) = (0.1 * common, (0.1 - 0.1 * common) / (1.0 - 0.1 * common));
-        let expected = shared + (1.0 - shared) * own * own;
+        let (together, own) = (0.1 * common, (0.1 - 0.1 * common) / (1.0 - 0.1 * common));
+        let expected = together + (1.0 - together) * own * own;
         let bound = |p: f64| 5.0 * (p * (1.0 - p) / n).sqrt() + 2e-5;
         assert!((first - 0.1).abs() < bound(0.1) && (second - 0.1).abs() < bound(0.1));
         assert!((both - expected).abs() < bound(expected), "{common}: {both} {expected}");
-        // What strikes together is not the same: values are independent.
+        // Common impulses have independent values.
         let (weight, _) = ratio(block.channel(0), block.channel(1));
         assert!(weight.norm() < 5.0 / (n * expected).sqrt(), "{common}: {weight}");
     }
@@ -157,7 +157,7 @@ fn impulses_strike_elements_alone_or_together_as_asked() -> Tested {
 }
 
 #[test]
-fn jammers_have_the_power_frequency_time_and_direction_asked_for() -> Tested {
+fn jammers_have_the_power_frequency_time_and_direction_specified() -> Tested {
     let rate = 2e6;
     let with = |jammer: &str| {
         block(&with_satellites(
@@ -204,8 +204,8 @@ fn jammers_have_the_power_frequency_time_and_direction_asked_for() -> Tested {
     let x = chirp.channel(1);
     assert!((power(x) / 400.0 - 1.0).abs() < 1e-4);
     for k in [0, 100, 499, 998, 1000, 12_345, 39_998] {
-        let share = ((k as f64 + 0.5) / 1000.0).fract();
-        let expected = 2e5 + 1e6 * (share - 0.5);
+        let fraction = ((k as f64 + 0.5) / 1000.0).fract();
+        let expected = 2e5 + 1e6 * (fraction - 0.5);
         // Roundings of 6e-8 and a satellite of 6e-5 of the amplitude: 1e-4 rad / 2 pi x 2 MHz = 32 Hz.
         assert!((frequency(x, k) - expected).abs() < 50.0, "{k}: {} {expected}", frequency(x, k));
     }
@@ -214,7 +214,7 @@ fn jammers_have_the_power_frequency_time_and_direction_asked_for() -> Tested {
     assert!((weight - Complex64::cis(TAU / 4.0)).norm() < 1e-3, "{weight}");
 
     let (_, noise) = with("kind = \"noise\"\npower_db = 50.0\ndirection.cone_deg = -90.0")?;
-    // Deviation of the power of 40 000 exponential values: 1 / 200.
+    // Standard deviation of the mean of 40 000 exponential powers: 1 / 200.
     assert!((power(noise.channel(0)) / 4e5 - 1.0).abs() < 0.025);
     let (weight, rest) = ratio(noise.channel(0), noise.channel(1));
     assert!((weight + 1.0).norm() < 1e-4 && rest < 1e-8, "{weight} {rest}");
@@ -275,7 +275,7 @@ fn an_array_survives_its_sigmf_metadata() -> Tested {
     assert!(text.contains("spatial:element_geometry") && text.contains("aperture_bearing"));
     let read = capture::open(&[path], &OpenOptions::default())?.info().array.clone();
     let (read, given) = (read.ok_or("no array")?, scenario.array.ok_or("no array")?);
-    // The errors are not known to a receiver; the rest is, to the digits of JSON.
+    // A receiver is not given the errors; the rest it is, to the digits of JSON.
     assert!(read.errors.iter().all(|e| *e == Complex64::ONE));
     assert_eq!(read.attitude, given.attitude);
     let pairs = read.array.elements_m.iter().zip(&given.array.elements_m);
@@ -286,7 +286,7 @@ fn an_array_survives_its_sigmf_metadata() -> Tested {
     Ok(())
 }
 
-/// The extension's own way: a file for each channel, X along the boresight and Y to its left.
+/// The form of the extension: a file for each channel, X along the boresight and Y to its left.
 #[test]
 fn files_of_one_channel_each_make_the_array() -> Tested {
     let folder = tempfile::tempdir()?;
@@ -308,7 +308,7 @@ fn files_of_one_channel_each_make_the_array() -> Tested {
     }
     let source = capture::open(&paths, &OpenOptions::default())?;
     let array = source.info().array.clone().ok_or("no array")?;
-    // It looks west: its left, where the first element is, lies in the south.
+    // The boresight is west: left, where the first element is, is south.
     let elements = array.in_enu().elements_m;
     assert!((elements[0].y + 0.3).abs() < 1e-12 && (elements[1].y - 0.3).abs() < 1e-12);
     assert!(elements.iter().all(|p| p.x.abs() < 1e-12 && p.z.abs() < 1e-12));
@@ -355,8 +355,8 @@ fn directions_and_phases_agree_with_the_independent_simulator() -> Tested {
     )?;
     let mut source = ScenarioSource::new(&scenario)?;
     for satellite in source.truth_at(0).satellites {
-        let said = &theirs[&satellite.sv.prn().to_string()];
-        let value = |key: &str| said[key].as_f64().unwrap_or(f64::NAN);
+        let expected = &theirs[&satellite.sv.prn().to_string()];
+        let value = |key: &str| expected[key].as_f64().unwrap_or(f64::NAN);
         let azimuth = (satellite.azimuth_deg - value("az") + 180.0).rem_euclid(360.0) - 180.0;
         let elevation = satellite.elevation_deg - value("el");
         assert!(azimuth.abs() < 0.01 && elevation.abs() < 0.01, "{}", satellite.sv);

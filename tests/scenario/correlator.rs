@@ -18,7 +18,7 @@ pub struct Period {
     pub late: Complex64,
 }
 
-/// What a capture shows beside the truth that it is held against.
+/// Measurements of a capture against the truth.
 pub struct Measured {
     /// Code phase minus truth, chips.
     pub code_chips: f64,
@@ -127,7 +127,7 @@ pub fn code_sigma(cn0_dbhz: f64, seconds: f64) -> f64 {
     (SPACING / (4.0 * 10f64.powf(cn0_dbhz / 10.0) * seconds)).sqrt()
 }
 
-/// Cramer-Rao bound of a frequency: sqrt(6 / (C/N0 T)) / (2 pi T) for a known phase law.
+/// Cramer-Rao bound of a frequency: sqrt(6 / (C/N0 T)) / (2 pi T) for a known phase.
 pub fn doppler_sigma(cn0_dbhz: f64, seconds: f64) -> f64 {
     (6.0 / (10f64.powf(cn0_dbhz / 10.0) * seconds)).sqrt() / (2.0 * PI * seconds)
 }

@@ -1,10 +1,10 @@
-//! Against a simulator that others wrote: same place, time and ephemeris.
+//! Against an independent simulator: same position, time and ephemeris.
 
 use super::correlator::{code_sigma, doppler_sigma, measure, periods};
 use super::theory::samples;
 use crate::common::{Failed, Tested, data};
 use num_complex::Complex32;
-use sdr_rx::gnss::message::lnav::{Header, Message, decode_subframe, decode_words};
+use sdr_rx::gnss::message::lnav::{Header, LnavMessage, decode_subframe, decode_words};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::Path;
 
@@ -12,7 +12,7 @@ const RATE: f64 = 2.6e6;
 const SATELLITES: &str =
     r#"["G10", "G12", "G13", "G15", "G18", "G19", "G23", "G24", "G25", "G32"]"#;
 
-/// The independent simulator's place: static, Klobuchar's ionosphere, no troposphere, perfect clock.
+/// The independent simulator's settings: static, Klobuchar's ionosphere, no troposphere, perfect clock.
 fn tokyo(data: &Path, tow: f64, seconds: f64) -> Result<Scenario, Failed> {
     let text = format!(
         r#"
@@ -51,7 +51,7 @@ fn code_phase_and_doppler_agree_with_the_independent_simulator() -> Tested {
             "{sv}   {:+.4}  {:+.4}  {code:+.4}   {:+.4}  {:+.4}  {doppler:+.4}   {:.1}  {:.1}",
             a.code_chips, b.code_chips, a.doppler_hz, b.doppler_hz, a.cn0_dbhz, b.cn0_dbhz
         );
-        // The required agreement; thermal noise alone is below a third of it at three deviations.
+        // The required agreement; thermal noise alone is below a third of it at three standard deviations.
         let seconds = a.signs.len() as f64 * 1e-3;
         assert!(3.0 * code_sigma(45.0, seconds) * 2f64.sqrt() < 0.02);
         assert!(3.0 * doppler_sigma(45.0, seconds) < 0.5);
@@ -136,7 +136,7 @@ fn decoded_ephemerides_agree_with_those_of_the_independent_simulator() -> Tested
 
 /// Integers are equal, reals too or one step nearer zero: the independent simulator truncates the twelve
 /// digits of the navigation file where we round.
-fn compare(theirs: Message, ours: Message) {
+fn compare(theirs: LnavMessage, ours: LnavMessage) {
     let check = |unit: f64, fields: &[(f64, f64, i32)]| {
         for &(a, b, exponent) in fields {
             let step = unit * 2f64.powi(exponent);
@@ -146,17 +146,17 @@ fn compare(theirs: Message, ours: Message) {
     let near = |fields: &[_]| check(1.0, fields);
     let near_semicircles = |fields: &[_]| check(std::f64::consts::PI, fields);
     match (theirs, ours) {
-        (Message::Clock(a), Message::Clock(b)) => {
+        (LnavMessage::Clock(a), LnavMessage::Clock(b)) => {
             near(&[(a.af0, b.af0, -31), (a.af1, b.af1, -43), (a.tgd, b.tgd, -31)]);
             assert_eq!((a.week, a.iodc, a.toc, a.af2), (b.week, b.iodc, b.toc, b.af2));
         }
-        (Message::Orbit(a), Message::Orbit(b)) => {
+        (LnavMessage::Orbit(a), LnavMessage::Orbit(b)) => {
             near(&[(a.crs, b.crs, -5), (a.cuc, b.cuc, -29), (a.cus, b.cus, -29)]);
             near(&[(a.e, b.e, -33), (a.sqrt_a, b.sqrt_a, -19)]);
             near_semicircles(&[(a.delta_n, b.delta_n, -43), (a.m0, b.m0, -31)]);
             assert_eq!((a.iode, a.toe), (b.iode, b.toe));
         }
-        (Message::Orientation(a), Message::Orientation(b)) => {
+        (LnavMessage::Orientation(a), LnavMessage::Orientation(b)) => {
             near(&[(a.cic, b.cic, -29), (a.cis, b.cis, -29), (a.crc, b.crc, -5)]);
             near_semicircles(&[
                 (a.omega0, b.omega0, -31),

@@ -1,4 +1,4 @@
-//! What a person can write wrongly, and what the program says to it.
+//! Errors in scenarios and the messages about them.
 
 use crate::common::Tested;
 use sdr_rx::scenario::{Scenario, ScenarioSource};
@@ -28,12 +28,12 @@ if_hz = 0.0
 bits = 8
 "#;
 
-/// What is replaced, by what, what the message must say, and where (a line, where there is one).
+/// Text, its replacement, required text of the message, and its position (a line, where there is one).
 const CASES: &[(&str, &str, &str, &str)] = &[
     (
         "geodetic = { latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }",
         "ecef_m = [1.0, 2.0, 3.0]",
-        "no place for an antenna",
+        "no position of an antenna",
         "",
     ),
     (
@@ -88,8 +88,8 @@ const CASES: &[(&str, &str, &str, &str)] = &[
     ("cn0_dbhz = 45.0", "cn0_by_satellite = { G01 = -3.0 }", "G01 = -3 must be 0 to 90", ""),
     ("fading = []", "fading = [[1.0, 0.0], [0.0, 0.0]]", "times must increase", ""),
     ("ionosphere = \"none\"", "ionosphere = \"klobuchar\"", "needs coefficients", ""),
-    ("impulse_share = 0.0", "impulse_share = 1.5", "1.5 must be a share from 0 to 1", "line 18"),
-    ("impulse_share = 0.0", "impulse_share = -0.1", "a share from 0 to 1", "line 18"),
+    ("impulse_share = 0.0", "impulse_share = 1.5", "1.5 must be a number from 0 to 1", "line 18"),
+    ("impulse_share = 0.0", "impulse_share = -0.1", "a number from 0 to 1", "line 18"),
     ("variance_ratio = 1.0", "variance_ratio = 0.0", "above 0", "line 19"),
     ("background_variance = 1.0", "background_variance = -1.0", "above 0", "line 17"),
     ("rate_hz = 2.6e6", "rate_hz = 2.6", "1e6 to 1e9 samples", "line 21"),

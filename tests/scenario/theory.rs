@@ -77,7 +77,7 @@ fn code_carrier_and_doppler_of_a_dynamic_capture_agree_with_its_truth() -> Teste
 }
 
 #[test]
-fn measured_cn0_is_the_one_asked_for_and_fades_as_asked() -> Tested {
+fn measured_cn0_and_fading_are_as_specified() -> Tested {
     for (asked, fading, expected) in [(38.0, "[]", 38.0), (50.0, "[[0.0, 0.0], [0.1, -6.0]]", 44.0)]
     {
         let scenario = Scenario {
@@ -116,7 +116,7 @@ fn any_blocks_give_the_same_samples_and_seeds_differ() -> Tested {
     scenario.seed += 1;
     let other = samples(&mut ScenarioSource::new(&scenario)?, 5000)?;
     let same = other.iter().zip(&whole).filter(|(a, b)| a == b).count();
-    // Two independent 4-bit samples agree in at most 1 of 15 cases per rail, with the middle levels
+    // Two independent 4-bit samples agree in at most 1 of 15 cases for each of I and Q, with the middle levels
     // favoured: 0.1 squared.
     assert!(same < 78_000 / 25, "{same}");
     Ok(())
@@ -146,7 +146,7 @@ fn satellites_and_noise_draw_from_streams_of_their_own() -> Tested {
 }
 
 #[test]
-fn an_experimenters_front_end_takes_the_place_of_the_standard_one() -> Tested {
+fn a_custom_front_end_replaces_the_standard_one() -> Tested {
     struct Mirror;
     impl FrontEnd for Mirror {
         fn delay(&self) -> usize {
@@ -160,7 +160,7 @@ fn an_experimenters_front_end_takes_the_place_of_the_standard_one() -> Tested {
     let plain = samples(&mut ScenarioSource::new(&scenario)?, 4000)?;
     let mut source = ScenarioSource::with_front_end(&scenario, Box::new(Mirror))?;
     let mirrored = samples(&mut source, 4000)?;
-    // The stated delay is taken out: what comes first is five samples on.
+    // The stated delay is removed: the first sample is five samples on.
     assert!(plain[5..].iter().zip(&mirrored).all(|(a, b)| a.conj() == *b));
     Ok(())
 }

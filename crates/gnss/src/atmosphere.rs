@@ -14,16 +14,16 @@ pub struct Klobuchar {
 }
 
 impl Klobuchar {
-    /// Slant delay of the L1 code, m, for a receiver at `place` that sees the satellite at
+    /// Slant delay of the L1 code, m, for a receiver at `position` with the satellite at
     /// `azimuth`, `elevation` (rad), at GPS time `t` (IS-GPS-200N figure 20-4). The carrier is
     /// advanced by the same amount. Below the horizon the horizon's value is returned.
-    pub fn delay_m(&self, place: Geodetic, azimuth: f64, elevation: f64, t: GpsTime) -> f64 {
+    pub fn delay_m(&self, position: Geodetic, azimuth: f64, elevation: f64, t: GpsTime) -> f64 {
         use std::f64::consts::PI;
         let semicircles = |rad: f64| rad / PI;
         let el = semicircles(elevation.max(0.0));
         let psi = 0.0137 / (el + 0.11) - 0.022;
-        let phi_i = (semicircles(place.latitude) + psi * azimuth.cos()).clamp(-0.416, 0.416);
-        let lambda_i = semicircles(place.longitude) + psi * azimuth.sin() / (phi_i * PI).cos();
+        let phi_i = (semicircles(position.latitude) + psi * azimuth.cos()).clamp(-0.416, 0.416);
+        let lambda_i = semicircles(position.longitude) + psi * azimuth.sin() / (phi_i * PI).cos();
         let phi_m = phi_i + 0.064 * ((lambda_i - 1.617) * PI).cos();
         let local = (43_200.0 * lambda_i + t.tow()).rem_euclid(86_400.0);
         let slant = 1.0 + 16.0 * (0.53 - el).powi(3);
@@ -37,7 +37,7 @@ impl Klobuchar {
     }
 }
 
-/// How the troposphere is modelled.
+/// Model of the troposphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Troposphere {
@@ -49,20 +49,20 @@ pub enum Troposphere {
 }
 
 impl Troposphere {
-    /// Slant delay, m, at `place` for an `elevation` in rad (Saastamoinen 1972, with the ICAO standard
+    /// Slant delay, m, at `position` for an `elevation` in rad (Saastamoinen 1972, with the ICAO standard
     /// atmosphere at the receiver's height and 70 % relative humidity). Zero below the horizon and
     /// outside -100 m to 10 km of height, where the standard atmosphere does not hold.
-    pub fn delay_m(self, place: Geodetic, elevation: f64) -> f64 {
-        if self == Self::None || elevation <= 0.0 || !(-100.0..1e4).contains(&place.height) {
+    pub fn delay_m(self, position: Geodetic, elevation: f64) -> f64 {
+        if self == Self::None || elevation <= 0.0 || !(-100.0..1e4).contains(&position.height) {
             return 0.0;
         }
-        let height = place.height.max(0.0);
+        let height = position.height.max(0.0);
         let pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * height).powf(5.2568);
         let temperature_k = 15.0 - 6.5e-3 * height + 273.16;
         let vapour_hpa =
             6.108 * 0.7 * ((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45)).exp();
         let z = std::f64::consts::FRAC_PI_2 - elevation;
-        let gravity = 1.0 - 0.00266 * (2.0 * place.latitude).cos() - 0.00028 * height / 1e3;
+        let gravity = 1.0 - 0.00266 * (2.0 * position.latitude).cos() - 0.00028 * height / 1e3;
         let dry = 0.0022768 * pressure_hpa / gravity / z.cos();
         let wet = 0.002277 * (1255.0 / temperature_k + 0.05) * vapour_hpa / z.cos();
         dry + wet
@@ -76,28 +76,30 @@ mod tests {
     #[test]
     fn night_ionosphere_is_five_nanoseconds_times_the_slant_factor() {
         let model = Klobuchar { alpha: [1e-8, 0.0, 0.0, 0.0], beta: [9e4, 0.0, 0.0, 0.0] };
-        let place = Geodetic::from_degrees(40.0, 0.0, 0.0);
+        let position = Geodetic::from_degrees(40.0, 0.0, 0.0);
         let night = GpsTime::from_week_tow(2190, 2.0 * 3600.0);
         let day = GpsTime::from_week_tow(2190, 14.0 * 3600.0);
         let zenith = std::f64::consts::FRAC_PI_2;
         let slant = 1.0 + 16.0 * 0.03f64.powi(3);
         assert!(
-            (model.delay_m(place, 0.0, zenith, night) - 5e-9 * slant * SPEED_OF_LIGHT).abs() < 1e-9
+            (model.delay_m(position, 0.0, zenith, night) - 5e-9 * slant * SPEED_OF_LIGHT).abs()
+                < 1e-9
         );
-        // At 14 h local time the cosine is at its crest: amplitude added in full (longitude 0).
+        // At 14 h local time the cosine is at its maximum: amplitude added in full (longitude 0).
         assert!(
-            (model.delay_m(place, 0.0, zenith, day) - 15e-9 * slant * SPEED_OF_LIGHT).abs() < 1e-6
+            (model.delay_m(position, 0.0, zenith, day) - 15e-9 * slant * SPEED_OF_LIGHT).abs()
+                < 1e-6
         );
     }
 
     #[test]
     fn zenith_troposphere_at_sea_level_is_that_of_the_standard_atmosphere() {
-        let place = Geodetic::from_degrees(45.0, 0.0, 0.0);
-        let delay = Troposphere::Saastamoinen.delay_m(place, std::f64::consts::FRAC_PI_2);
+        let position = Geodetic::from_degrees(45.0, 0.0, 0.0);
+        let delay = Troposphere::Saastamoinen.delay_m(position, std::f64::consts::FRAC_PI_2);
         // 2.31 m dry by the 1013.25 hPa standard, plus 0.05 to 0.15 m wet.
         assert!((2.35..2.47).contains(&delay), "{delay}");
-        let low = Troposphere::Saastamoinen.delay_m(place, 30f64.to_radians());
+        let low = Troposphere::Saastamoinen.delay_m(position, 30f64.to_radians());
         assert!((low / delay - 2.0).abs() < 1e-9);
-        assert_eq!(Troposphere::None.delay_m(place, 1.0), 0.0);
+        assert_eq!(Troposphere::None.delay_m(position, 1.0), 0.0);
     }
 }

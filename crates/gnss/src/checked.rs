@@ -2,7 +2,7 @@
 
 use serde::de::{Deserialize, Deserializer, Error};
 
-/// A number for which `holds`; `right` says what would be.
+/// A number for which `holds`; `right` describes valid ones.
 pub fn number<'de, D: Deserializer<'de>>(
     d: D,
     holds: impl Fn(f64) -> bool,

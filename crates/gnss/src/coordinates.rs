@@ -3,7 +3,7 @@
 use super::constants::{WGS84_A, WGS84_F};
 use nalgebra::{Matrix3, Vector3};
 
-/// A place on WGS 84.
+/// A position on WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geodetic {
     /// Geodetic latitude, rad, north positive.
@@ -61,7 +61,7 @@ impl Geodetic {
         )
     }
 
-    /// Rotation that takes an ECEF difference vector to (east, north, up) at this place.
+    /// Rotation that takes an ECEF difference vector to (east, north, up) at this position.
     pub fn ecef_to_enu(self) -> Matrix3<f64> {
         let (sp, cp) = self.latitude.sin_cos();
         let (sl, cl) = self.longitude.sin_cos();
@@ -70,7 +70,7 @@ impl Geodetic {
 }
 
 /// Azimuth (rad, from north over east, in [0, 2 pi)) and elevation (rad) of a target seen from a
-/// place, both in ECEF metres.
+/// position, both in ECEF metres.
 pub fn azimuth_elevation(observer_m: &Vector3<f64>, target_m: &Vector3<f64>) -> (f64, f64) {
     let enu = Geodetic::from_ecef(observer_m).ecef_to_enu() * (target_m - observer_m);
     let azimuth = enu.x.atan2(enu.y).rem_euclid(std::f64::consts::TAU);
@@ -92,15 +92,15 @@ mod tests {
     proptest! {
         #[test]
         fn geodetic_and_ecef_are_inverse(lat in -90.0f64..90.0, lon in -179.9f64..180.0, h in -5e3f64..3e7) {
-            let place = Geodetic::from_degrees(lat, lon, h);
-            let ecef = place.to_ecef();
+            let position = Geodetic::from_degrees(lat, lon, h);
+            let ecef = position.to_ecef();
             let back = Geodetic::from_ecef(&ecef);
             // 1e-6 m, plus rounding of 3e7 m in double precision.
             prop_assert!((back.to_ecef() - ecef).norm() < 1e-6);
             prop_assert!((back.height - h).abs() < 1e-6);
-            let enu = place.ecef_to_enu();
+            let enu = position.ecef_to_enu();
             prop_assert!((enu * enu.transpose() - Matrix3::identity()).norm() < 1e-14);
-            let up = Geodetic { height: h + 100.0, ..place }.to_ecef();
+            let up = Geodetic { height: h + 100.0, ..position }.to_ecef();
             prop_assert!(azimuth_elevation(&ecef, &up).1 > std::f64::consts::FRAC_PI_2 - 1e-4);
         }
     }

@@ -1,7 +1,7 @@
-//! What GNSS satellites send and where they are: constants, time, coordinates, satellites, codes, messages,
-//! orbits, observations, antennas, and the files of the field.
+//! Signals, messages and orbits of GNSS satellites, with constants, time, coordinates, observations, antennas and
+//! file formats.
 //!
-//! Everything here is a plain value or a pure function of plain values; nothing knows of samples or receivers.
+//! Everything here is a plain value or a pure function of plain values; nothing depends on samples or receivers.
 
 pub mod antenna;
 pub mod atmosphere;

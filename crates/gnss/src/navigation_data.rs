@@ -1,4 +1,4 @@
-//! What a receiver knows of the satellites: ephemerides, ionosphere and UTC.
+//! Navigation data: ephemerides, ionosphere and UTC.
 
 use crate::atmosphere::Klobuchar;
 use crate::orbit::NoOrbit;
@@ -25,7 +25,7 @@ pub struct UtcParameters {
     pub day: u8,
 }
 
-/// Everything that a position needs of the satellites, from files or from the signals.
+/// Navigation data for positions, from files or from the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationData {
     /// Ephemerides of each satellite, in the order of `t_oe`.
@@ -65,11 +65,11 @@ impl NavigationData {
         self.precise.entry(sv).or_default().merge(orbit);
     }
 
-    /// The orbit of `sv` to be used at `t`: the precise one where it reaches, else the broadcast one in
-    /// force. A satellite that the ephemeris in force calls unhealthy has none.
+    /// The orbit of `sv` to be used at `t`: the precise one where it is valid, else the broadcast
+    /// one. A satellite that is unhealthy by its valid ephemeris has none.
     ///
     /// # Errors
-    /// [`NoOrbit`] says why there is none.
+    /// [`NoOrbit`]: why there is none.
     pub fn orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
         let (nearest, in_force) = (self.nearest(sv, t), self.ephemeris(sv, t));
         if let Some(e) = in_force.filter(|e| !e.is_healthy()) {

@@ -1,4 +1,4 @@
-//! What the receiver measured of each satellite at one instant.
+//! Measurements of each satellite at one instant.
 
 use crate::constants::SPEED_OF_LIGHT;
 use crate::{GpsTime, Sv, Transmission};
@@ -50,7 +50,7 @@ impl Observation {
         self.transmission.sv
     }
 
-    /// What the code's period is as a range, m: 299 792.458 m of a C/A code.
+    /// The code period as a range, m: 299 792.458 m of a C/A code.
     pub fn code_period_m(&self) -> f64 {
         SPEED_OF_LIGHT * self.transmission.signal.period_s()
     }
@@ -77,8 +77,8 @@ const TYPICAL_CN0_DBHZ: f64 = 42.0;
 ///
 /// The code is that of a loop of 1 Hz with correlators 0.1 chips apart (Kaplan and Hegarty 2017, 8.9). How
 /// much Dopplers are smoothed differs by a factor of 50 between receivers (0.25 Hz of a u-blox at 42 dB-Hz,
-/// 0.06 Hz of a Septentrio, 0.005 Hz of a monitor station): the largest is taken, so that no good one is
-/// called faulty.
+/// 0.06 Hz of a Septentrio, 0.005 Hz of a monitor station): the largest is taken, so that no good observation
+/// is rejected.
 pub fn typical_noise(cn0_dbhz: Option<f64>) -> (f64, f64) {
     let noise = 10f64.powf((45.0 - cn0_dbhz.unwrap_or(TYPICAL_CN0_DBHZ)) / 20.0);
     (0.5 * noise, 0.2 * noise)

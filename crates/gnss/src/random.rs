@@ -1,4 +1,4 @@
-//! Random numbers that any language makes alike in ten lines, so that figures can be checked elsewhere.
+//! Random numbers by a simple generator, so that figures can be checked in any language.
 
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn the_first_number_is_that_of_the_reference() {
-        // Made by an independent implementation.
+        // By an independent implementation.
         assert_eq!(SplitMix64::new(1).uniform(), 0.5665615751722809);
     }
 }

@@ -62,8 +62,8 @@ impl GpsTime {
         self.seconds.rem_euclid(SECONDS_PER_WEEK) as f64 + self.fraction
     }
 
-    /// The instant nearest this one whose time of week is `tow_s` (modulo a week): what a reference
-    /// time sent without its week means.
+    /// The instant nearest this one whose time of week is `tow_s` (modulo a week): for a reference
+    /// time sent without its week.
     pub fn nearest_with_tow(self, tow_s: f64) -> Self {
         let same_week = Self::from_week_tow(self.week(), tow_s);
         let week = SECONDS_PER_WEEK as f64;

@@ -17,16 +17,16 @@ fn problem() -> (CMat, CMat, CMat) {
     (paper_dictionary(50), drawn.y, truth)
 }
 
-/// Time that this thread has computed, ms: of the processor where the system tells (Linux), else of the clock.
+/// Time that this thread has computed, ms: of the processor where the system gives it (Linux), else of the clock.
 fn clock_ms() -> f64 {
     static START: OnceLock<Instant> = OnceLock::new();
-    let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64() * 1e3;
+    let elapsed = START.get_or_init(Instant::now).elapsed().as_secs_f64() * 1e3;
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let ns = text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok());
-    ns.map_or(wall, |ns| ns * 1e-6)
+    ns.map_or(elapsed, |ns| ns * 1e-6)
 }
 
-/// Best of several means, ms: systems tell a thread's time in steps of 4 ms.
+/// Best of several means, ms: systems give a thread's time in steps of 4 ms.
 fn best_ms(means: usize, mut run: impl FnMut()) -> f64 {
     let mut mean = |_| {
         let (start, mut runs) = (clock_ms(), 0);
@@ -45,7 +45,7 @@ fn ratios(_: &mut Criterion) {
     let plan = AdmmPlan::new(&a).expect("a dictionary");
     let exact = AdmmSettings { gap: 1e-6, iterations: 20_000, ..AdmmSettings::default() };
     let optimum = l1_admm::solve_exactly(&a, &y, &exact).expect("a solution");
-    // So many iterations and one look at the gap, at the end.
+    // A fixed number of iterations, with the gap computed once at the end.
     let count = |iterations| AdmmSettings {
         gap: 0.0,
         iterations,

@@ -1,19 +1,19 @@
-//! What a paper claims, and what came out here.
+//! Claims of a paper, with the results here.
 
 use std::fmt::Write;
 
 /// A claim with its verdict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
-    /// Where it stands in the paper.
+    /// Figure, table or equation of the paper.
     pub place: &'static str,
-    /// What it says.
+    /// The claim.
     pub claim: String,
-    /// The paper's figure.
+    /// The paper's value.
     pub paper: String,
-    /// Ours.
+    /// The value here.
     pub ours: String,
-    /// Whether ours bears it out.
+    /// Whether the value here confirms it.
     pub holds: bool,
 }
 

@@ -1,5 +1,5 @@
-//! How well JANE finds sources: probability of the right number and error of the angles, against SNR, share
-//! of outliers, elements and snapshots, beside the Cramer-Rao bound, and its false alarms on noise alone.
+//! Performance of JANE: probability of the right number of sources and error of the angles, against SNR, probability
+//! of outliers, elements and snapshots, compared with the Cramer-Rao bound, and false alarms on noise alone.
 
 use crate::claim::Claim;
 use crate::{Findings, Scene};
@@ -14,7 +14,7 @@ use sdr_rx::front_end::mixture::Mixture;
 use sdr_rx::gnss::antenna::AntennaArray;
 use sdr_rx::report::{Curve, LinePlot};
 
-/// The paper's sources beside the degrees of its grid, deg.
+/// The paper's sources off the degrees of its grid, deg.
 const OFF_GRID: [f64; 4] = [27.71, 30.37, 39.55, 52.24];
 
 /// Outcomes over an abscissa.
@@ -22,11 +22,11 @@ struct Table {
     name: &'static str,
     title: &'static str,
     abscissa: &'static str,
-    /// Abscissa, outcome, and the share of the right number by the row rule where it was asked.
+    /// Abscissa, outcome, and the fraction of trials with the right number by the row rule where it was computed.
     rows: Vec<(f64, Detected, Option<f64>)>,
 }
 
-/// How much to measure.
+/// Amount of work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DetectionOptions {
     /// Trials of each point of a curve.
@@ -43,16 +43,16 @@ impl Default for DetectionOptions {
     }
 }
 
-/// What the trials of one scene gave.
+/// Results of the trials of one scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detected {
-    /// Share of trials with the right number of sources.
+    /// Fraction of trials with the right number of sources.
     pub right: f64,
-    /// Share of trials with more.
+    /// Fraction of trials with more.
     pub more: f64,
     /// Root mean square error of their angles in trials with the right number, deg; not a number without.
     pub error_deg: f64,
-    /// Root mean square of the deviations that JANE gave for them, deg.
+    /// Root mean square of the standard deviations that JANE gave for them, deg.
     pub sigma_deg: f64,
     /// Root mean square of the Cramer-Rao bounds of the angles, deg.
     pub bound_deg: f64,
@@ -106,14 +106,14 @@ fn bound_deg(scene: &Scene, manifold: &Manifold) -> f64 {
     (variances.sum::<f64>() / points.len() as f64).sqrt().to_degrees()
 }
 
-/// The variance of the Gaussian noise that would do as much harm: one over the Fisher information.
+/// The variance of Gaussian noise with the same effect: one over the Fisher information.
 fn equivalent_noise(law: &Mixture) -> f64 {
     law.background * 10f64.powf(Map::Optimal.loss_db(law) / 10.0)
 }
 
-/// Share of draws of a scene in which the row rule on the l1,1 estimate (gamma 5, the paper's dictionary)
+/// Fraction of draws of a scene in which the row rule on the l1,1 estimate (gamma 5, the paper's dictionary)
 /// finds the right number.
-fn row_rule_share(scene: &Scene, trials: usize, seed: u64) -> f64 {
+fn row_rule_fraction(scene: &Scene, trials: usize, seed: u64) -> f64 {
     let (grid, responses) = (degree_grid(25, 55), paper_dictionary(scene.elements));
     let right = |k: &usize| {
         let y = scene.draw(seed + *k as u64).y;
@@ -125,7 +125,7 @@ fn row_rule_share(scene: &Scene, trials: usize, seed: u64) -> f64 {
     (0..trials).into_par_iter().filter(right).count() as f64 / trials as f64
 }
 
-/// Share of runs on noise alone in which JANE finds a source: half of them with 50 elements, the rest with
+/// Fraction of runs on noise alone in which JANE finds a source: half of them with 50 elements, the rest with
 /// 16, 8 and 4; with and without outliers.
 ///
 /// # Errors
@@ -172,7 +172,7 @@ impl Table {
         let rows = self.curve("row rule on the l1,1 estimate", |row| row.2);
         let errors = [
             self.curve("error", |row| Some(row.1.error_deg)),
-            self.curve("deviation as stated", |row| Some(row.1.sigma_deg)),
+            self.curve("standard deviation by JANE", |row| Some(row.1.sigma_deg)),
             self.curve("Cramer-Rao bound", |row| Some(row.1.bound_deg)),
         ];
         let plot = |kind: &str, ordinate: &str, log: bool, curves: Vec<Curve>| LinePlot {
@@ -183,18 +183,18 @@ impl Table {
             curves: curves.into_iter().filter(|c| !c.points.is_empty()).collect(),
         };
         [
-            plot("detection", "share of the right number", false, vec![right, rows]),
+            plot("detection", "fraction with the right number", false, vec![right, rows]),
             plot("error", "angle error, rms (deg)", true, errors.to_vec()),
         ]
     }
 
-    /// The least share of the right number from an abscissa up.
-    fn least_right(&self, from: f64) -> f64 {
+    /// The minimum fraction of the right number from an abscissa up.
+    fn minimum_right(&self, from: f64) -> f64 {
         self.rows.iter().filter(|r| r.0 >= from).map(|r| r.1.right).fold(1.0, f64::min)
     }
 
-    /// The greatest error over its bound from an abscissa up.
-    fn most_bounds(&self, from: f64) -> f64 {
+    /// The maximum error over its bound from an abscissa up.
+    fn maximum_bounds(&self, from: f64) -> f64 {
         let rows = self.rows.iter().filter(|r| r.0 >= from);
         rows.map(|r| r.1.error_deg / r.1.bound_deg).fold(0.0, f64::max)
     }
@@ -209,7 +209,7 @@ pub fn detection(options: &DetectionOptions) -> Result<Findings, JaneError> {
         [-30.0, -27.0, -25.0, -22.5, -20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0];
     let paper = Scene::default;
     let off_grid = || Scene { angles_deg: OFF_GRID.to_vec(), ..paper() };
-    // The signals are as strong whatever the outliers: their share does not change the scene's amplitude.
+    // The signals are as strong whatever the outliers: their probability does not change the scene's amplitude.
     let with_share = |share: f64, snr: f64| {
         let mut scene = paper().with_snr(snr);
         scene.noise.probability = share;
@@ -229,19 +229,19 @@ pub fn detection(options: &DetectionOptions) -> Result<Findings, JaneError> {
     )?;
     for (snr, _, share) in &mut on.rows {
         *share =
-            Some(row_rule_share(&paper().with_snr(*snr), options.trials.min(30), options.seed));
+            Some(row_rule_fraction(&paper().with_snr(*snr), options.trials.min(30), options.seed));
     }
     let off = table(
         "snr-off-grid",
-        "Sources beside the paper's grid: 27.71, 30.37, 39.55 and 52.24 deg",
+        "Sources off the paper's grid: 27.71, 30.37, 39.55 and 52.24 deg",
         "SNR (dB)",
         SNRS.map(|snr| (snr, off_grid().with_snr(snr))),
         options,
     )?;
-    let shares = table(
+    let outliers = table(
         "outliers",
-        "Share of outliers of 50 times the variance, at 0 dB",
-        "share of outliers",
+        "Outliers of 50 times the variance, at 0 dB",
+        "probability of outliers",
         [0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3].map(|share| (share, with_share(share, 0.0))),
         options,
     )?;
@@ -266,27 +266,27 @@ pub fn detection(options: &DetectionOptions) -> Result<Findings, JaneError> {
     let eight = detect(&eight.with_snr(-10.0), options.trials, options.seed)?;
     let alarms = false_alarms(options.noise_runs, options.seed)?;
 
-    let right = on.least_right(-25.0).min(off.least_right(-25.0));
-    let bounds = |from: f64| on.most_bounds(from).max(off.most_bounds(from));
+    let right = on.minimum_right(-25.0).min(off.minimum_right(-25.0));
+    let bounds = |from: f64| on.maximum_bounds(from).max(off.maximum_bounds(from));
     let row_rule =
         |snr: f64| on.rows.iter().find(|r| r.0 == snr).and_then(|r| r.2).unwrap_or(f64::NAN);
     let claims = vec![
-        at_least("four sources found down to -25 dB: share of the trials", right, 0.95),
+        at_least("four sources found down to -25 dB: fraction of the trials", right, 0.95),
         at_most("angle error over its Cramer-Rao bound, from -20 dB up", bounds(-20.0), 1.5),
         at_most("the same from -5 dB up", bounds(-5.0), 1.15),
-        at_most("share in which the row rule finds four at -15 dB", row_rule(-15.0), 0.0),
+        at_most("fraction in which the row rule finds four at -15 dB", row_rule(-15.0), 0.0),
         at_least("the same at 0 dB", row_rule(0.0), 0.95),
         at_most(
             "error over its bound with up to 30 % outliers, 0 dB",
-            shares.most_bounds(0.0),
+            outliers.maximum_bounds(0.0),
             1.5,
         ),
-        at_least("four snapshots at 0 dB: share of the right number", few.right, 0.95),
+        at_least("four snapshots at 0 dB: fraction with the right number", few.right, 0.95),
         at_most("16 elements at 20 dB: error of the four angles, deg", sixteen.error_deg, 0.016),
-        at_least("8 elements at -10 dB: share in which three are found", eight.right, 0.95),
-        at_most("noise alone: share of runs with a source (0.001 asked for)", alarms, 2e-3),
+        at_least("8 elements at -10 dB: fraction in which three are found", eight.right, 0.95),
+        at_most("noise alone: fraction of runs with a source (0.001 asked for)", alarms, 2e-3),
     ];
-    let plots = [on, off, shares, elements, snapshots].iter().flat_map(Table::plots).collect();
+    let plots = [on, off, outliers, elements, snapshots].iter().flat_map(Table::plots).collect();
     Ok(Findings { plots, claims, ..Findings::default() })
 }
 

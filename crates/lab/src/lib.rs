@@ -1,5 +1,5 @@
-//! Figures and tables of the papers behind sdr-rx, made again from the same assumptions, with a verdict for each
-//! claim; and the methods that only the papers need.
+//! Figures and tables of the papers behind sdr-rx, reproduced from the same assumptions, with a verdict for each
+//! claim; and the methods that only the papers use.
 
 pub mod aw_dgn;
 pub mod baselines;
@@ -14,7 +14,7 @@ pub use scene::{Scene, Snapshots};
 use claim::{Claim, claim_csv};
 use sdr_rx::report::{HeatMap, LinePlot, OutputDir, ReportError};
 
-/// What an experiment gives.
+/// Results of an experiment.
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     /// Figures over two variables.

@@ -10,7 +10,7 @@ use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Figures and tables of the papers behind sdr-rx, made again, with a verdict for each claim
+/// Figures and tables of the papers behind sdr-rx, reproduced, with a verdict for each claim
 #[derive(Parser)]
 #[command(name = "sdr-rx-lab", version, about)]
 struct Cli {
@@ -27,7 +27,7 @@ enum Experiment {
     /// Quick: an epoch every 20 minutes instead of every minute, 100 draws a cell of the failure maps.
     AwDgn(Common),
     /// Figures 8 to 11 of the paper on distributed least squares in networks of receivers (Meas. Sci. Technol. 30,
-    /// 2019), on a made network of 110 stations; what is faster; which claims hold
+    /// 2019), on a simulated network of 110 stations; faster variants; which claims hold
     ///
     /// Example: sdr-rx-lab distributed-ls --quick --out distributed-ls
     ///
@@ -35,7 +35,7 @@ enum Experiment {
     DistributedLs {
         #[command(flatten)]
         common: Common,
-        /// The network and its noise are drawn from this
+        /// Seed of the network and its noise
         #[arg(long, value_name = "N", default_value_t = 1)]
         seed: u64,
     },
@@ -52,7 +52,7 @@ struct Common {
     /// Write each figure as CSV and SVG, the tables and the verdicts as CSV, into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A small part of the work, for a first look
+    /// A small part of the work
     #[arg(long)]
     quick: bool,
 }

@@ -23,11 +23,11 @@ pub struct Scene {
     pub angles_deg: Vec<f64>,
     /// Modulus of each source at every element.
     pub amplitude: f64,
-    /// The law of the noise.
+    /// The distribution of the noise.
     pub noise: Mixture,
 }
 
-/// What a scene gives.
+/// Samples of a scene.
 #[derive(Clone, Debug)]
 pub struct Snapshots {
     /// Y, elements x snapshots.
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn the_scene_is_that_of_the_reference() {
-        // Both numbers were made by an independent implementation, with all digits it prints.
+        // Both numbers are by an independent implementation, with all digits it prints.
         let y = Scene { snapshots: 8, ..Scene::default() }.draw(1).y;
         let first = Complex64::new(-67.39606550, 25.15679205);
         assert!((y[(0, 0)] - first).norm() < 1e-8, "{}", y[(0, 0)]);

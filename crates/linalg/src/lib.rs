@@ -1,8 +1,8 @@
-//! The dense complex linear algebra that sdr-rx needs of `faer`, and the Fourier transforms of `rustfft`: plain
-//! functions of plain matrices and numbers.
+//! The dense complex linear algebra of `faer` and the Fourier transforms of `rustfft` that sdr-rx needs, as functions
+//! without generics.
 //!
-//! A crate of its own for one reason: these libraries are generic, and are compiled anew in each crate that
-//! calls them, for minutes. Here they are compiled once.
+//! A crate of its own because these libraries are generic, and would be compiled in each crate that calls them, for
+//! minutes. Here they are compiled once.
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};

@@ -1,4 +1,4 @@
-//! Decompositions, multiplied together again. From without, so that `faer` is not compiled once more for them.
+//! Decompositions, multiplied together again. An integration test, so that `faer` is not compiled again for it.
 
 use num_complex::Complex64;
 use sdr_rx_linalg::*;
@@ -14,7 +14,7 @@ fn distance(a: &CMat, b: &CMat) -> f64 {
 }
 
 #[test]
-fn decompositions_give_their_matrix_back() {
+fn decompositions_reproduce_their_matrix() {
     let a = matrix(7, 4);
     let gram = adjoint_product(&a, &a);
     let (values, vectors) = hermitian_eigen(&gram).unwrap();

@@ -1,4 +1,4 @@
-//! The paper's solver: each node minimises its own sum of squares, the network agrees on x itself.
+//! The paper's solver: each node minimises its own sum of squares, consensus is on x itself.
 //!
 //! Khodabandeh & Teunissen 2019, figure 6. With l the mean of z_s - u_is over the c_i constraint nodes of node i,
 //! x_i = (N_i + c_i W)^-1 (r_i + c_i W l). Equations (20) and (23) and the figure print N_i + W, which is wrong
@@ -28,7 +28,7 @@ impl Weight {
     }
 }
 
-/// A node's own least squares, f_i(x) = 1/2 x' N_i x - r_i' x, by the Cholesky way of equation (21): one
+/// A node's own least squares, f_i(x) = 1/2 x' N_i x - r_i' x, by the Cholesky form of equation (21): one
 /// factorisation for each change of N_i, two triangular solutions a move.
 #[derive(Clone, Debug)]
 pub struct NodeLeastSquares {
@@ -84,7 +84,7 @@ impl Proximal for NodeLeastSquares {
     }
 }
 
-/// The update as figure 6 prints it, with N_i + W. It agrees on a wrong value, and is here to show that.
+/// The update as figure 6 prints it, with N_i + W. It converges to a wrong value; kept to demonstrate that.
 #[derive(Clone, Debug)]
 pub struct PrintedForm(NodeLeastSquares);
 
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_forms_of_the_gain_and_the_cholesky_way_agree() {
+    fn both_forms_of_the_gain_and_the_cholesky_form_agree() {
         let design = DMatrix::from_fn(5, 3, |i, j| ((3 * i + 7 * j) as f64).sin());
         let weights = [2.0, 0.5, 1.0, 4.0, 0.25];
         let l = DVector::from_fn(5, |i, _| 1.0 + (i as f64).cos());

@@ -8,11 +8,11 @@
 //! IF = (mu_2 y_1 - mu_1 y_2) / (mu_2 - mu_1)        GF = (y_2 - y_1) / (mu_2 - mu_1)
 //! ```
 //! so that y_3 - IF - mu_3 GF holds nothing but a bias of the receiver plus one of the satellite. One constant
-//! can be moved from all satellites to all receivers: a *datum* says where it is. With the first receiver's bias
+//! can be moved from all satellites to all receivers: a *datum* fixes it. With the first receiver's bias
 //! set to zero (the S-basis of the paper, [`ReceiverBias::Reference`]) the observations fix the satellites' biases
-//! ([`Datum::Observed`](super::Datum::Observed)), but as well as one receiver alone can; with every receiver's
+//! ([`Datum::Observed`](super::Datum::Observed)), but only as precisely as one receiver can; with every receiver's
 //! bias eliminated their mean is set to zero ([`Datum::ZeroMean`](super::Datum::ZeroMean)), which is three to four
-//! times more precise and is brought to the S-basis afterwards, at home, by [`to_reference_receiver`].
+//! times more precise and is transformed to the S-basis afterwards by [`to_reference_receiver`].
 
 use super::{LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector};
@@ -43,7 +43,7 @@ impl Carriers {
 
     /// The combination of pseudoranges (m): receiver bias plus satellite bias, m.
     pub fn combine(&self, pseudoranges_m: [f64; 3]) -> f64 {
-        // Differences first, for ranges of 2e7 m keep their nanometres then.
+        // Differences first, so that ranges of 2e7 m keep their nanometres.
         let [first, second, third] = pseudoranges_m;
         let factors = self.factors();
         (third - first) + factors[1] * (second - first)
@@ -55,16 +55,16 @@ impl Carriers {
     }
 }
 
-/// The weight of an observation at an elevation (rad), 1 for all practical purposes at the zenith: the law
+/// The weight of an observation at an elevation (rad), 1 for all practical purposes at the zenith:
 /// sigma = sigma_zenith (1 + 10 exp(-E / 10 deg)) of Euler & Goad (Bull. Geod. 65 (1991) 130-143).
 pub fn elevation_weight(elevation_rad: f64) -> f64 {
     (1.0 + 10.0 * (-elevation_rad.to_degrees() / 10.0).exp()).powi(-2)
 }
 
-/// What a receiver observed of one satellite.
+/// An observation of one satellite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BiasObservation {
-    /// Which of the network's satellites: the place of its bias among the parameters, from 0.
+    /// Which of the network's satellites: the index of its bias among the parameters, from 0.
     pub satellite: usize,
     /// The combination of its pseudoranges, m ([`Carriers::combine`]).
     pub combination_m: f64,
@@ -72,7 +72,7 @@ pub struct BiasObservation {
     pub elevation_rad: f64,
 }
 
-/// What becomes of a receiver's own bias.
+/// Treatment of a receiver's own bias.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReceiverBias {
     /// It is zero: that of the one receiver to which the satellites' biases refer.
@@ -115,7 +115,7 @@ pub fn station_model(
 /// Satellite biases of the free datum, referred to one receiver's bias: x + 1 w'(l - x) / sum(w), with the
 /// observations l and weights w of that receiver alone, whose normal equations (not eliminated) are `reference`.
 ///
-/// Of one epoch it is exactly what the network would have found with [`ReceiverBias::Reference`] at that
+/// Of one epoch it is exactly the network's solution with [`ReceiverBias::Reference`] at that
 /// receiver: the weighted mean of the receiver's observations, which no difference holds, is now used to fix the
 /// constant. Where each epoch has a receiver bias of its own, `reference` is one epoch's,
 /// and the constant is that epoch's.
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_follow_the_law() {
+    fn weights_follow_the_model() {
         assert!((elevation_weight(std::f64::consts::FRAC_PI_2) - 1.0).abs() < 3e-3);
         let at_10_deg = 1.0 + 10.0 / std::f64::consts::E;
         assert!((elevation_weight(10f64.to_radians()) - at_10_deg.powi(-2)).abs() < 1e-15);

@@ -1,4 +1,4 @@
-//! A node of the network: consensus ADMM, as a state machine that knows of no clock and no wire.
+//! A node of the network: consensus ADMM, as a state machine without clock and transport.
 //!
 //! Figure 6 of Khodabandeh & Teunissen (Meas. Sci. Technol. 30 (2019) 044005), in the form of Douglas and
 //! Rachford, which needs one vector for each edge (i, s) between a node i and a constraint node s, itself
@@ -8,16 +8,16 @@
 //! hub s  : z_s = mean over its star of the last t_is
 //! ```
 //! c_i is the number of constraint nodes of node i. alpha = 1 is exactly the figure, 1 < alpha < 2 over-relaxes.
-//! What f_i is, the [`Proximal`] says: the solvers differ in nothing else.
+//! f_i is given by the [`Proximal`]: the solvers differ in nothing else.
 //!
 //! Where links lose or delay messages and clocks differ, a link's t_is moves only when the neighbour's answer
-//! acknowledges the last one sent ([`Rule::Acknowledged`]). The two other rules that offer themselves diverge.
+//! acknowledges the last one sent ([`Rule::Acknowledged`]). The two other obvious rules diverge.
 
 use super::message::{Body, News, NodeMessage};
 use super::{Constraints, NetworkError};
 use std::collections::BTreeMap;
 
-/// A node's share f_i of what the network minimises.
+/// A node's term f_i of the sum that the network minimises.
 pub trait Proximal {
     /// How many numbers the network agrees on.
     fn dimension(&self) -> usize;
@@ -29,14 +29,14 @@ pub trait Proximal {
 /// When a link's state may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Rule {
-    /// When all links have been answered: all nodes go in step, as the paper's iterations do.
+    /// When all links have been answered: all nodes are synchronous, as in the paper's iterations.
     Synchronous,
     /// Each link when its last state is acknowledged: for links that lose and delay.
     #[default]
     Acknowledged,
-    /// Each link when something new came from its hub. Diverges under over-relaxation: kept to show it.
+    /// Each link when something new came from its hub. Diverges under over-relaxation: kept to demonstrate it.
     Fresh,
-    /// Each link at each step. Diverges: kept to show it.
+    /// Each link at each step. Diverges: kept to demonstrate it.
     Always,
 }
 
@@ -47,8 +47,8 @@ pub struct NodeOptions {
     pub relaxation: f64,
     /// When a link moves.
     pub rule: Rule,
-    /// The first sequence number: higher than any that the node used before it was restarted. Nanoseconds
-    /// since 1970 are such a number.
+    /// The first sequence number: higher than any that the node used before it was restarted, such as
+    /// nanoseconds since 1970.
     pub first_sequence: u64,
 }
 
@@ -58,14 +58,14 @@ impl Default for NodeOptions {
     }
 }
 
-/// What became of a message.
+/// Result of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
-    /// It said something new.
+    /// It was new.
     Taken,
-    /// Newer words of the sender had come before.
+    /// Newer messages of the sender had come before.
     Old,
-    /// The sender is no neighbour, or what it says does not fit this network.
+    /// The sender is no neighbour, or the contents do not fit this network.
     Foreign,
 }
 
@@ -103,7 +103,7 @@ struct Hub {
 #[derive(Clone, Debug)]
 pub struct Node<P> {
     id: usize,
-    /// The node's own share of the problem; it may change while the network runs.
+    /// The node's own term of the problem; it may change while the network runs.
     pub problem: P,
     options: NodeOptions,
     links: Vec<Link>,
@@ -111,11 +111,11 @@ pub struct Node<P> {
     x: Vec<f64>,
     moves: u64,
     residuals: Residuals,
-    /// What the node passes on beside the estimation.
+    /// News that the node passes on beside the estimation.
     pub news: News,
 }
 
-/// How far a node is from agreement, in the units of x.
+/// Distance of a node from agreement, in the units of x.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residuals {
     /// The largest |x_i - z_s|.
@@ -177,22 +177,22 @@ impl<P: Proximal> Node<P> {
         self.id
     }
 
-    /// x_i, the node's estimate of what the network agrees on.
+    /// x_i, the node's estimate of the common value.
     pub fn estimate(&self) -> &[f64] {
         &self.x
     }
 
-    /// How many times x_i has been computed.
+    /// Number of times that x_i has been computed.
     pub fn moves(&self) -> u64 {
         self.moves
     }
 
-    /// How far from agreement the node was at its last move.
+    /// Distance of the node from agreement at its last move.
     pub fn residuals(&self) -> Residuals {
         self.residuals
     }
 
-    /// Starts again from an estimate, with u = 0: a warm start.
+    /// Starts again from an estimate, with u = 0.
     pub fn start_from(&mut self, x: &[f64]) {
         self.x.copy_from_slice(x);
         for link in &mut self.links {
@@ -201,7 +201,7 @@ impl<P: Proximal> Node<P> {
         }
     }
 
-    /// Multiplies u of each link, as the growth of W from epoch to epoch demands: u W stays what it was.
+    /// Multiplies u of each link, as the growth of W from epoch to epoch requires: u W stays constant.
     pub fn rescale_duals(&mut self, factor: f64) {
         for link in &mut self.links {
             link.t.iter_mut().zip(&self.x).for_each(|(t, x)| *t = x + factor * (*t - x));
@@ -276,9 +276,9 @@ impl<P: Proximal> Node<P> {
             return;
         }
         hub.z.fill(0.0);
-        let share = 1.0 / hub.states.len() as f64;
+        let weight = 1.0 / hub.states.len() as f64;
         for (_, t) in hub.states.values().flatten() {
-            hub.z.iter_mut().zip(t).for_each(|(z, t)| *z += share * t);
+            hub.z.iter_mut().zip(t).for_each(|(z, t)| *z += weight * t);
         }
         hub.sequence += 1;
         hub.acknowledged = acknowledged;
@@ -302,9 +302,9 @@ impl<P: Proximal> Node<P> {
             values.for_each(|((pull, z), t)| *pull = 2.0 * z - t);
         }
         let mut pull = vec![0.0; self.x.len()];
-        let share = 1.0 / self.links.len() as f64;
+        let weight = 1.0 / self.links.len() as f64;
         for link in &self.links {
-            pull.iter_mut().zip(&link.pull).for_each(|(sum, one)| *sum += share * one);
+            pull.iter_mut().zip(&link.pull).for_each(|(sum, one)| *sum += weight * one);
         }
         self.problem.minimise(&pull, self.links.len(), &mut self.x);
         self.residuals = Residuals::default();
@@ -322,8 +322,8 @@ impl<P: Proximal> Node<P> {
         true
     }
 
-    /// What the node has to say now, with the neighbour that it is for: true until the next step, and harmless
-    /// when said again.
+    /// The node's messages, each with the neighbour that it is for: valid until the next step; repetitions do no
+    /// harm.
     pub fn messages(&self) -> Vec<(usize, NodeMessage)> {
         let message = |sequence, body| NodeMessage {
             sender: self.id as u32,
@@ -337,9 +337,9 @@ impl<P: Proximal> Node<P> {
         let hub = self.hub.iter().filter(|hub| !hub.acknowledged.is_empty());
         let consensus = hub.flat_map(|hub| {
             let (acknowledged, z) = (hub.acknowledged.clone(), hub.z.clone());
-            let said = message(hub.sequence, Body::Consensus { acknowledged, z });
+            let consensus = message(hub.sequence, Body::Consensus { acknowledged, z });
             let members = hub.states.keys().filter(|&&member| member != self.id);
-            members.map(move |&member| (member, said.clone()))
+            members.map(move |&member| (member, consensus.clone()))
         });
         states.chain(consensus).collect()
     }

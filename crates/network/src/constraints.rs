@@ -1,14 +1,14 @@
-//! The constraint nodes: whose stars bind all nodes to one solution.
+//! The constraint nodes, whose stars bind all nodes to one solution.
 //!
-//! A constraint node s asks of itself and its neighbours, its *star*, that they agree. Khodabandeh & Teunissen
-//! (Meas. Sci. Technol. 30 (2019) 044005) ask of the set of constraint nodes that
+//! A constraint node s requires that itself and its neighbours, its *star*, agree. Khodabandeh & Teunissen
+//! (Meas. Sci. Technol. 30 (2019) 044005) require of the set of constraint nodes that
 //! - (18.1) each node is in a star, and
 //! - (18.2) every two stars overlap, or both overlap with a third.
 //!
 //! The second is sufficient but not necessary. What is necessary is that the *overlap graph* of the stars
-//! (two stars are joined where they share a node) is connected: that is what [`Constraints::new`] asks.
+//! (two stars are joined where they share a node) is connected: [`Constraints::new`] requires that.
 //! A simple sufficient rule is that each link of a connected graph has a constraint node at an end, which
-//! [`choose`] fulfils with as few nodes as it finds.
+//! [`choose`] fulfils with few nodes.
 
 use super::{Graph, NetworkError};
 
@@ -22,11 +22,11 @@ pub struct Constraints {
 }
 
 impl Constraints {
-    /// Takes these nodes for constraint nodes.
+    /// A set of these constraint nodes.
     ///
     /// # Errors
-    /// [`NetworkError::Disconnected`], or [`NetworkError::UnboundNodes`] when a node is in no star or the stars
-    /// do not hang together.
+    /// [`NetworkError::Disconnected`], or [`NetworkError::UnboundNodes`] when a node is in no star or the overlap
+    /// graph of the stars is not connected.
     pub fn new(graph: &Graph, hubs: &[usize]) -> Result<Self, NetworkError> {
         graph.require_connected()?;
         let nodes = graph.nodes();
@@ -80,12 +80,12 @@ impl Constraints {
 
     /// The overlap graph: its k-th node is the k-th constraint node's star.
     fn overlaps(&self) -> Result<Graph, NetworkError> {
-        let share = |a: &usize, b: &usize| {
+        let overlap = |a: &usize, b: &usize| {
             self.members[*a].iter().any(|node| self.members[*b].binary_search(node).is_ok())
         };
         let count = self.hubs.len();
         let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-        let links: Vec<_> = pairs.filter(|&(a, b)| share(&self.hubs[a], &self.hubs[b])).collect();
+        let links: Vec<_> = pairs.filter(|&(a, b)| overlap(&self.hubs[a], &self.hubs[b])).collect();
         Graph::new(count, &links)
     }
 
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn stars_that_hang_together_suffice_though_not_every_link_has_a_constraint_node() {
+    fn connected_stars_suffice_though_not_every_link_has_a_constraint_node() {
         let graph = nine();
         let four = Constraints::new(&graph, &[0, 2, 3, 8]).unwrap();
         assert!(!four.cover_every_link(&graph));

@@ -1,14 +1,14 @@
-//! What can be wrong with a network.
+//! Errors of a network.
 
 /// Why a network cannot work.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NetworkError {
-    /// A link that leads nowhere.
+    /// An invalid link.
     #[error(
         "a link between nodes {0} and {1} of a network of {2}: a link joins two different nodes, numbered from 0"
     )]
     BadLink(usize, usize, usize),
-    /// The graph falls apart.
+    /// The graph is not connected.
     #[error(
         "the network falls into {parts} parts, one of them {part:?}: no solution can be common to all; add a link between the parts"
     )]
@@ -31,7 +31,7 @@ pub enum NetworkError {
     /// Matrices or vectors whose sizes disagree.
     #[error("{what} has {found} where the network has {expected}")]
     WrongSize {
-        /// Of what.
+        /// What has the size.
         what: String,
         /// What was given.
         found: usize,

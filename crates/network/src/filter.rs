@@ -1,11 +1,11 @@
-//! Epoch after epoch: what a network knows of constant parameters grows, or is forgotten by and by.
+//! Recursive estimation of constant parameters over epochs, with or without forgetting.
 //!
 //! With the forgetting factor lambda, old observations count lambda times less from one epoch to the next:
 //! ```text
 //! information form   N <- lambda N + A' P A,   r <- lambda r + A' P l,   x = N^-1 r
 //! gain form          Q <- Q / lambda;   K = Q A' (P^-1 + A Q A')^-1;   x <- x + K (l - A x);   Q <- (I - K A) Q
 //! ```
-//! Both are the same Kalman filter. The second needs all observations at one place; the first is a sum over
+//! Both are the same Kalman filter. The second needs all observations at a centre; the first is a sum over
 //! nodes, and forgetting commutes with the sum, so that every node runs [`InformationFilter`] on its own
 //! observations and the network has only to keep up with its mean ([`InformationFilter::renew_average`]) or
 //! with its solution ([`InformationFilter::renew_least_squares`]) by a few iterations an epoch.
@@ -16,7 +16,7 @@ use super::info::{Average, pack};
 use super::{LinearModel, NetworkError, NetworkSolution, Normals};
 use nalgebra::{DMatrix, DVector};
 
-/// What was observed so far, in information form: of a node, or of the whole network.
+/// All observations so far, in information form: of a node, or of the whole network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InformationFilter {
     normals: Normals,
@@ -25,7 +25,7 @@ pub struct InformationFilter {
 }
 
 impl InformationFilter {
-    /// Nothing observed yet.
+    /// A filter without observations.
     ///
     /// # Errors
     /// [`NetworkError::BadSetting`] for a forgetting factor outside (0, 1].
@@ -46,13 +46,13 @@ impl InformationFilter {
         &self.normals
     }
 
-    /// How many epochs' worth is remembered: their number, or with forgetting the sum of lambda^k.
+    /// Effective number of epochs: their number, or with forgetting the sum of lambda^k.
     pub fn length(&self) -> f64 {
         self.length
     }
 
-    /// Gives a node of the [`info`](super::info) solver what this filter, its own, has now. The links' states
-    /// stay: a warm start.
+    /// Gives a node of the [`info`](super::info) solver the present state of its own filter. The links' states
+    /// stay, so that it goes on from the last solution.
     pub fn renew_average(&self, node: &mut Node<Average>) {
         node.problem.own = pack(&self.normals);
     }
@@ -77,7 +77,7 @@ impl InformationFilter {
     }
 }
 
-/// The same filter in gain form, as a centre would run it.
+/// The same filter in gain form, for a centre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GainFilter {
     x: DVector<f64>,
@@ -86,7 +86,7 @@ pub struct GainFilter {
 }
 
 impl GainFilter {
-    /// Starts from what is known: a prior, or the solution of the first epoch.
+    /// Starts from a prior, or from the solution of the first epoch.
     ///
     /// # Errors
     /// [`NetworkError::BadSetting`] for a forgetting factor outside (0, 1].
@@ -99,8 +99,8 @@ impl GainFilter {
     /// earlier ones.
     ///
     /// # Errors
-    /// [`NetworkError::WrongSize`] for a model of other parameters, [`NetworkError::Singular`] for weights that
-    /// are not those of any observations.
+    /// [`NetworkError::WrongSize`] for a model of other parameters, [`NetworkError::Singular`] for invalid
+    /// weights.
     pub fn update(&mut self, epoch: &[LinearModel]) -> Result<(), NetworkError> {
         let p = self.x.len();
         self.covariance /= self.forgetting;
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_remembered_is_a_geometric_sum() {
+    fn the_effective_number_of_epochs_is_a_geometric_sum() {
         let one = Normals { freedom: 1.0, ..Normals::none(2) };
         let mut filter = InformationFilter::new(2, 0.9).unwrap();
         (0..5).for_each(|_| filter.update(&one));

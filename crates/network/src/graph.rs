@@ -1,4 +1,4 @@
-//! Who talks to whom: an undirected graph of nodes and links.
+//! An undirected graph of nodes and links.
 
 use super::NetworkError;
 use std::collections::VecDeque;
@@ -27,7 +27,7 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// The graph of `nodes` nodes with these links; a link told twice counts once.
+    /// The graph of `nodes` nodes with these links; a repeated link counts once.
     ///
     /// # Errors
     /// [`NetworkError::BadLink`] when a link leaves the network or joins a node with itself.
@@ -68,7 +68,7 @@ impl Graph {
         lists.flat_map(|(a, list)| list.iter().filter(move |&&b| a < b).map(move |&b| (a, b)))
     }
 
-    /// Number of hops from a node to each node; `None` where no way leads.
+    /// Number of hops from a node to each node; `None` where there is no path.
     pub fn hops(&self, from: usize) -> Vec<Option<usize>> {
         let mut hops = vec![None; self.nodes()];
         hops[from] = Some(0);
@@ -95,7 +95,7 @@ impl Graph {
         (0..self.nodes()).try_fold(0, |most, node| self.eccentricity(node).map(|e| most.max(e)))
     }
 
-    /// The parts that the graph falls into, each ascending.
+    /// The connected components, each ascending.
     pub fn parts(&self) -> Vec<Vec<usize>> {
         let mut part_of = vec![false; self.nodes()];
         let mut parts = Vec::new();
@@ -111,7 +111,7 @@ impl Graph {
         parts
     }
 
-    /// That a way leads from each node to each other.
+    /// That the graph is connected.
     ///
     /// # Errors
     /// [`NetworkError::Disconnected`].

@@ -1,16 +1,16 @@
-//! Better than agreeing on x: agree on the mean normal equations, and solve them at home.
+//! Consensus on the mean normal equations, which each node then solves itself; faster than consensus on x.
 //!
 //! The network averages the numbers of (N_i, r_i, l'Pl, degrees of freedom) by the same ADMM, with
-//! f_i(a) = 1/2 |a - a_i|^2, W = rho I. How fast that goes depends on the graph alone, neither on what was
-//! observed nor on the datum: the best rho and alpha are known beforehand ([`plan`](super::plan)). Every node
-//! then has what a centre would have: solution, covariance, and the test of the model. A message holds
+//! f_i(a) = 1/2 |a - a_i|^2, W = rho I. The rate of convergence depends on the graph alone, neither on the
+//! observations nor on the datum: the best rho and alpha are known beforehand ([`plan`](super::plan)). Every node
+//! then has all results of a centre: solution, covariance, and the test of the model. A message holds
 //! p (p + 3) / 2 + 2 numbers instead of p, and 15 to 60 times fewer of them are needed.
 
 use super::consensus::Proximal;
 use super::{NetworkError, Normals};
 use nalgebra::{DMatrix, DVector};
 
-/// How many numbers the normal equations of p parameters are.
+/// Number of numbers in the normal equations of p parameters.
 pub fn length(p: usize) -> usize {
     p * (p + 3) / 2 + 2
 }
@@ -19,12 +19,12 @@ pub fn length(p: usize) -> usize {
 pub fn pack(normals: &Normals) -> Vec<f64> {
     let p = normals.parameters();
     let columns = (0..p).flat_map(|j| (0..=j).map(move |i| (i, j)));
-    let mut numbers: Vec<f64> = columns.map(|place| normals.matrix[place]).collect();
+    let mut numbers: Vec<f64> = columns.map(|index| normals.matrix[index]).collect();
     numbers.extend(normals.right.iter().chain([&normals.squares, &normals.freedom]));
     numbers
 }
 
-/// The normal equations of p parameters that these numbers are.
+/// The normal equations of p parameters from these numbers.
 ///
 /// # Errors
 /// [`NetworkError::WrongSize`].
@@ -44,7 +44,7 @@ pub fn unpack(numbers: &[f64], p: usize) -> Result<Normals, NetworkError> {
     })
 }
 
-/// f(a) = 1/2 |a - own|^2: what a network of such nodes agrees on is the mean of their numbers.
+/// f(a) = 1/2 |a - own|^2: a network of such nodes agrees on the mean of their numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Average {
     /// The node's own numbers; they may change while the network runs.
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_packed_is_unpacked() {
+    fn unpacking_inverts_packing() {
         let normals = Normals {
             matrix: DMatrix::from_fn(4, 4, |i, j| (i + j) as f64 + (i * j) as f64),
             right: DVector::from_row_slice(&[1.0, -2.0, 3.0, 4.0]),

@@ -1,9 +1,9 @@
-//! Many receivers, no centre: each node of a graph of receivers talks to its neighbours only, and arrives at the
-//! least-squares solution that a centre would have computed.
+//! Networks of receivers without a centre: each node of a graph communicates with its neighbours only, and converges
+//! to the least-squares solution of a centre.
 //!
 //! A receiver's observations become a [`LinearModel`], that its [`Normals`]; a [`Graph`] with its [`Constraints`]
-//! says who talks to whom; a [`Node`](consensus::Node) is the state machine at each place, whose messages any
-//! transport may carry.
+//! gives the links; a [`Node`](consensus::Node) is the state machine of each node, whose messages any transport
+//! may carry.
 
 pub mod admm;
 pub mod code_bias;

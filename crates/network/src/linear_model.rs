@@ -1,4 +1,4 @@
-//! What one receiver knows: a linear(ised) model of the common parameters, and its normal equations.
+//! Observations of one receiver: a linear(ised) model of the common parameters, and its normal equations.
 
 use super::NetworkError;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// A receiver's observations l = A x + e of the p common parameters x.
 ///
 /// Parameters of the receiver alone (its clock, its bias) are eliminated by the weight matrix, which is then
-/// singular: it weighs what remains of l after their projection. See [`LinearModel::with_receiver_bias`].
+/// singular: it weights the remainder of l after their projection. See [`LinearModel::with_receiver_bias`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearModel {
     /// Design matrix A, m x p.
@@ -27,7 +27,7 @@ impl LinearModel {
         Self { design, observations, weight, eliminated: 0 }
     }
 
-    /// Uncorrelated observations of these weights that all share one unknown of the receiver alone:
+    /// Uncorrelated observations of these weights with one common unknown of the receiver alone:
     /// P = diag(w) - w w' / sum(w), which equals the weights of differences between satellites whatever the
     /// difference operator D (equation (26) of Khodabandeh & Teunissen 2019, without D and without inverse).
     pub fn with_receiver_bias(
@@ -56,9 +56,9 @@ impl LinearModel {
         }
     }
 
-    /// The model without its k-th observation, which keeps its place with weight zero, so that indices stay.
+    /// The model without its k-th observation, which stays with weight zero, so that indices do not change.
     ///
-    /// The weights of the others grow together as the elimination of the receiver's own parameters demands:
+    /// The weights of the others grow together by the elimination of the receiver's own parameters:
     /// P - P e e' P / (e' P e), the weight matrix given that nothing is known of the k-th observation.
     pub fn without(&self, k: usize) -> Self {
         let mut model = self.clone();
@@ -87,7 +87,7 @@ pub struct Normals {
 }
 
 impl Normals {
-    /// Those of nothing observed.
+    /// Those without observations.
     pub fn none(parameters: usize) -> Self {
         Self {
             matrix: DMatrix::zeros(parameters, parameters),
@@ -120,8 +120,7 @@ impl Normals {
         }
     }
 
-    /// What a centre would compute of all receivers' normal equations: the least-squares solution, with its
-    /// covariance.
+    /// The least-squares solution of these normal equations, with its covariance.
     ///
     /// # Errors
     /// [`NetworkError::Singular`].
@@ -146,10 +145,10 @@ impl Normals {
     }
 }
 
-/// What fixes the parameters where the observations leave a common constant open.
+/// Condition on the parameters where the observations do not determine a common constant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Datum {
-    /// The observations do.
+    /// None: the observations determine all parameters.
     #[default]
     Observed,
     /// The parameters' mean is zero: the free datum, where all receivers have eliminated a bias of their own.
@@ -157,7 +156,7 @@ pub enum Datum {
 }
 
 impl Datum {
-    /// How many parameters the observations leave open.
+    /// Number of parameters that the observations do not determine.
     pub fn defect(self) -> usize {
         usize::from(self == Self::ZeroMean)
     }
@@ -168,8 +167,8 @@ impl Datum {
         matrix.trace() / (p * p)
     }
 
-    /// The Cholesky factor of N with the datum's condition added; `None` where it is singular, which is told
-    /// by a diagonal of the factor that lost 13 of its digits.
+    /// The Cholesky factor of N with the datum's condition added; `None` where it is singular: a diagonal
+    /// element of the factor lost 13 of its digits.
     fn factor(self, matrix: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
         let mut fixed = matrix.clone();
         if self == Self::ZeroMean {

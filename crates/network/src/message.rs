@@ -1,18 +1,18 @@
-//! What nodes tell their neighbours. Every message is absolute: it says what is, not what changed, so that it
-//! may be lost, repeated or overtaken without harm.
+//! Messages between neighbours. Every message is absolute: it contains states, not changes, so that it may be
+//! lost, repeated or overtaken without harm.
 
 use serde::{Deserialize, Serialize};
 
 /// A message between neighbours.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NodeMessage {
-    /// Who sends.
+    /// The sender.
     pub sender: u32,
     /// Counts the sender's states, also across its restarts: a message of a lower number is old.
     pub sequence: u64,
-    /// What it says.
+    /// Contents.
     pub body: Body,
-    /// What is passed on besides.
+    /// News passed on beside them.
     pub news: News,
 }
 
@@ -31,20 +31,20 @@ pub enum Body {
         /// z_s.
         z: Vec<f64>,
     },
-    /// A node to its neighbour on a spanning tree: the sum of all that lies on its side of the link.
+    /// A node to its neighbour on a spanning tree: the sum over all nodes on its side of the link.
     PartialSum {
         /// The sum.
         sum: Vec<f64>,
     },
 }
 
-/// What travels through the whole network beside the estimation, by each node passing on what it heard.
+/// What each node passes on through the whole network beside the estimation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct News {
-    /// For how many exchanges everything has been quiet here and at all that were heard: above the diameter of
-    /// the graph, everywhere.
+    /// Number of exchanges for which this node and all that it received of have been near agreement: above the
+    /// diameter of the graph, all nodes.
     pub calm: u32,
-    /// The least credible observation that was heard of.
+    /// The observation with the largest test statistic received so far.
     pub suspect: Option<Suspect>,
 }
 
@@ -53,10 +53,10 @@ pub struct News {
 pub struct Suspect {
     /// |w|, its test statistic.
     pub statistic: f64,
-    /// Whose observation it is.
+    /// Its node.
     pub node: u32,
     /// Which of the node's observations.
     pub observation: u32,
-    /// Exchanges since its owner said so; what is too old is forgotten.
+    /// Exchanges since its node sent it; what is too old is dropped.
     pub age: u32,
 }

@@ -1,13 +1,13 @@
-//! Finds the least credible observation of a network, and takes it out: the same verdict at every node.
+//! Detection and exclusion of the worst observation of a network: the same verdict at every node.
 //!
 //! Each node tests its own observations ([`LocalTests`]) with the solution it has. The largest |w| travels
-//! through the network in the [`News`] that each message carries: a node passes on the largest it has heard of;
-//! the owner renews its word in each round, and what was not renewed for twice the diameter is forgotten. When
+//! through the network in the [`News`] that each message carries: a node passes on the largest it has received;
+//! the owner renews it in each round, and what was not renewed for twice the diameter is dropped. When
 //! the consensus has settled everywhere ([`Stopping`]), the tests reject, and the same observation has been the
-//! network's worst for long enough that no worse one can be under way, everybody names it, and its owner takes it
-//! out. Nothing else is taken out before the consensus has settled again.
+//! network's worst for long enough that no worse one can be under way, every node suspects it, and its owner
+//! excludes it. Nothing else is excluded before the consensus has settled again.
 //!
-//! Decisions of ours: an observation is suspected from |w| above the limit of one observation (0.1 %), and the
+//! Not from the paper: an observation is suspected from |w| above the limit of one observation (0.1 %), and the
 //! network rejected where the test of the model rejects (1 %) *or* the largest |w| is above the limit of the
 //! largest of all (1 %). The test of the model alone hardly sees a single fault in a large network: at 267
 //! degrees of freedom it misses every third of two minimal detectable biases.
@@ -18,25 +18,25 @@ use super::solver::{Agreement, NetworkSolver};
 use super::stopping::Stopping;
 use super::{Graph, LinearModel, NetworkError, NetworkSolution};
 
-/// What a node holds of the network's observations.
+/// Verdict of a node on the network's observations.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// The consensus has not settled, or no agreement has been reached on what is worst.
     Unsettled,
     /// All tests are passed.
     Credible,
-    /// The tests reject, and this observation is the one to go: its owner is about to take it out.
+    /// The tests reject, and this observation is the worst: its owner is about to exclude it.
     Named(Suspect),
-    /// This node has just taken an observation of its own out: [`Monitor::model`] is without it, and the
-    /// node's share of the problem must be set to that.
+    /// This node has just excluded an observation of its own: [`Monitor::model`] is without it, and the
+    /// node's term of the problem must be set to that.
     Excluded {
-        /// The observations that no test tells apart, the one that was taken out first. If there are two, the
-        /// receiver had no more to say, and now says nothing.
+        /// The observations that no test can distinguish, the excluded one first. If there are two, the
+        /// receiver had no others, and now contributes nothing.
         observations: Vec<usize>,
         /// |w|.
         statistic: f64,
     },
-    /// The test of the model rejects, but no single observation stands out: the weights or the model are wrong.
+    /// The test of the model rejects, but no single observation: the weights or the model are wrong.
     Unexplained,
 }
 
@@ -83,7 +83,7 @@ impl Monitor {
         })
     }
 
-    /// What the node observes, without what was taken out.
+    /// The node's observations, without those excluded.
     pub fn model(&self) -> &LinearModel {
         &self.model
     }
@@ -120,13 +120,12 @@ impl Monitor {
         }
     }
 
-    /// What the node's messages are to pass on.
+    /// The news for the node's messages.
     pub fn news(&self) -> News {
         News { calm: self.stopping.calm(), suspect: self.suspect }
     }
 
-    /// A round: what the node holds, now that its estimate (as [`Agreement::read`] takes it) has been
-    /// computed anew.
+    /// The verdict after a round, in which the estimate (as [`Agreement::read`] takes it) was computed anew.
     ///
     /// # Errors
     /// [`NetworkError::WrongSize`] for an estimate of another network.
@@ -161,19 +160,19 @@ impl Monitor {
         let Some(suspect) = self.suspect.filter(|s| rejected || s.statistic > limit) else {
             return if rejected { Verdict::Unexplained } else { Verdict::Credible };
         };
-        // Three diameters: the word has reached everybody, and everybody has held it for another two.
+        // Three diameters: the suspicion has reached every node, and has been held there for another two.
         let long = self.held > 3 * diameter && self.stopping.everywhere(3);
         if suspect.node as usize != self.id || !long {
             return Verdict::Named(suspect);
         }
         let worst = suspect.observation as usize;
-        let mut observations = tests.twins(worst);
+        let mut observations = tests.indistinguishable(worst);
         observations.sort_by_key(|&j| j != worst);
         self.set_model(self.model.without(worst));
         Verdict::Excluded { observations, statistic: suspect.statistic }
     }
 
-    /// Ages what was heard, and renews the node's own word.
+    /// Ages what was received, and renews the node's own suspicion.
     fn refresh(&mut self, tests: &LocalTests) {
         let (own, oldest) = (self.id as u32, 2 * self.diameter);
         if let Some(suspect) = &mut self.suspect {
@@ -212,13 +211,13 @@ impl Monitor {
     }
 }
 
-/// Whether a word is of a less credible observation than another; of two alike, the lower node's.
+/// Whether a suspicion has the larger statistic; of two equal ones, the lower node's.
 fn worse(word: &Suspect, other: &Suspect) -> bool {
     let order = word.statistic.total_cmp(&other.statistic);
     order.then(other.node.cmp(&word.node)).is_gt()
 }
 
-/// Whether a round hardly changed what is known: parameters by less than a tenth of their standard
+/// Whether a round hardly changed the solution: parameters by less than a tenth of their standard
 /// deviations, T by less than a tenth of its own.
 fn near(last: &NetworkSolution, now: &NetworkSolution) -> bool {
     let sigma = now.sigma();

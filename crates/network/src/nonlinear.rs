@@ -6,7 +6,7 @@
 //! x_i <- x_i + (J' P J + c_i W)^-1 (J' P v + c_i W (pull - x_i))
 //! ```
 //! The parameters are absolute, not corrections to a common approximate value. So each node may linearise
-//! wherever it likes, and the duals keep their meaning from one linearisation to the next. (Setting them to
+//! at a point of its own, and the duals stay valid from one linearisation to the next. (Setting them to
 //! zero at each, as printed, costs hundreds of iterations.) [`absolute`] serves the linearised case: it makes a
 //! linear model of x itself, for [`NodeLeastSquares`](super::admm::NodeLeastSquares) or
 //! [`Average`](super::info::Average), of what is known at one point.
@@ -84,29 +84,29 @@ mod tests {
 
     const WEIGHT: Weight = Weight::Scalar(0.3);
 
-    /// What a receiver observed: satellites and pseudoranges (m), with noise of 1 m.
+    /// Observations of a receiver: satellites and pseudoranges (m), with noise of 1 m.
     type Observed = (Vec<Vector3<f64>>, Vec<f64>);
 
-    /// Nine receivers at one place, with clocks of their own, each of which sees two to four satellites.
+    /// Nine receivers at one position, with clocks of their own, each with two to four satellites in view.
     fn receivers(seed: u64) -> (Vector3<f64>, Vec<Observed>) {
         let mut random = test_scene::stream(seed, 0);
         let anywhere = Vector3::zeros();
-        let place = test_scene::place_near(&anywhere, f64::INFINITY, &mut random);
+        let truth_m = test_scene::position_near(&anywhere, f64::INFINITY, &mut random);
         let time_s = random.random_range(0.0..86_164.0);
-        let sky: Vec<_> = (0..24).map(|k| test_scene::satellite_m(k, time_s)).collect();
-        let above = |s: &&Vector3<f64>| test_scene::elevation(&place, s) > 0.1;
-        let sky: Vec<_> = sky.iter().filter(above).copied().collect();
+        let satellites: Vec<_> = (0..24).map(|k| test_scene::satellite_m(k, time_s)).collect();
+        let above = |s: &&Vector3<f64>| test_scene::elevation(&truth_m, s) > 0.1;
+        let satellites: Vec<_> = satellites.iter().filter(above).copied().collect();
         let receiver = |_| {
             let count = random.random_range(2..=4);
-            let seen: Vec<_> = sky.sample(&mut random, count).copied().collect();
+            let seen: Vec<_> = satellites.sample(&mut random, count).copied().collect();
             let clock_m = 1e5 * test_scene::normal(&mut random);
             let range =
-                |s: &Vector3<f64>| (s - place).norm() + clock_m + test_scene::normal(&mut random);
+                |s: &Vector3<f64>| (s - truth_m).norm() + clock_m + test_scene::normal(&mut random);
             let ranges = seen.iter().map(range).collect();
             (seen, ranges)
         };
         let receivers = (0..9).map(receiver).collect();
-        (place, receivers)
+        (truth_m, receivers)
     }
 
     fn about(x: &[f64], (satellites, ranges): &Observed) -> LinearModel {
@@ -122,7 +122,7 @@ mod tests {
         })
     }
 
-    /// Gauss-Newton with all observations at one place.
+    /// Gauss-Newton with all observations at a centre.
     fn centre(start: &Vector3<f64>, receivers: &[Observed]) -> Vector3<f64> {
         (0..20).fold(*start, |at, _| at + sum(&at, receivers).solve(Datum::Observed).unwrap().x)
     }
@@ -142,30 +142,30 @@ mod tests {
     }
 
     #[test]
-    fn nine_receivers_of_which_none_can_position_alone_meet_at_their_place() {
+    fn nine_receivers_of_which_none_can_position_alone_find_their_position() {
         let constraints = test_scene::nine();
-        // Skies that are weak for all nine together are left out: near the end a disagreement shrinks by about
+        // Weak geometries of all nine together are left out: near the end a disagreement shrinks by about
         // alpha lambda / (n c rho) an iteration, lambda the smallest eigenvalue of the sum of the N_i, and a
         // position dilution of 2 allows lambda = 0.25 at worst. The limit was set when three of thirty drawn
-        // skies, all of a dilution above 2.2 and seeds 1 and 2 among them, had needed 420 to 540 iterations.
-        let strong = |(place, receivers): &(Vector3<f64>, Vec<Observed>)| {
-            sum(place, receivers).solve(Datum::Observed).unwrap().covariance.trace() < 4.0
+        // geometries, all of a dilution above 2.2 and seeds 1 and 2 among them, had needed 420 to 540 iterations.
+        let strong = |(truth_m, receivers): &(Vector3<f64>, Vec<Observed>)| {
+            sum(truth_m, receivers).solve(Datum::Observed).unwrap().covariance.trace() < 4.0
         };
-        for (place, receivers) in (1..).map(receivers).filter(strong).take(3) {
-            let solution = centre(&place, &receivers);
-            let aside = place.cross(&Vector3::x()).normalize();
-            for start in [place + aside * 1e3, place + aside * 3e5, Vector3::zeros()] {
+        for (truth_m, receivers) in (1..).map(receivers).filter(strong).take(3) {
+            let solution = centre(&truth_m, &receivers);
+            let aside = truth_m.cross(&Vector3::x()).normalize();
+            for start in [truth_m + aside * 1e3, truth_m + aside * 3e5, Vector3::zeros()] {
                 let problem = |id: usize| {
                     let observed = &receivers[id];
                     GaussNewton::new(3, &WEIGHT, move |x: &[f64]| about(x, observed))
                 };
                 let mut nodes = network(&constraints, &start, problem);
                 (0..250).for_each(|_| sim::iterate(&mut nodes));
-                let deviation_m = sim::deviation(&nodes, solution.as_slice());
-                assert!(deviation_m < 1e-3, "{deviation_m} m");
+                let difference_m = sim::max_difference(&nodes, solution.as_slice());
+                assert!(difference_m < 1e-3, "{difference_m} m");
                 // To rounding of 6e6 m in the end.
                 (0..400).for_each(|_| sim::iterate(&mut nodes));
-                assert!(sim::deviation(&nodes, solution.as_slice()) < 1e-7);
+                assert!(sim::max_difference(&nodes, solution.as_slice()) < 1e-7);
             }
         }
     }
@@ -173,8 +173,8 @@ mod tests {
     #[test]
     fn each_node_may_linearise_at_a_point_of_its_own_and_again_while_the_network_runs() {
         let constraints = test_scene::nine();
-        let (place, receivers) = receivers(3);
-        let solution = centre(&place, &receivers);
+        let (truth_m, receivers) = receivers(3);
+        let solution = centre(&truth_m, &receivers);
         let at = |id: usize, x: &[f64]| {
             let model = absolute(about(x, &receivers[id]), x);
             NodeLeastSquares::new(model.normals(), &WEIGHT, constraints.hubs_of(id).len()).unwrap()
@@ -184,7 +184,7 @@ mod tests {
             .map(|_| Vector3::from_fn(|_, _| 300.0 * test_scene::normal(&mut random)))
             .collect();
         let mut nodes =
-            network(&constraints, &place, |id| at(id, (place + offsets[id]).as_slice()));
+            network(&constraints, &truth_m, |id| at(id, (truth_m + offsets[id]).as_slice()));
         for iteration in 1..=600 {
             sim::iterate(&mut nodes);
             if iteration % 20 == 0 {
@@ -194,6 +194,6 @@ mod tests {
             }
         }
         // To rounding of 6e6 m.
-        assert!(sim::deviation(&nodes, solution.as_slice()) < 1e-7);
+        assert!(sim::max_difference(&nodes, solution.as_slice()) < 1e-7);
     }
 }

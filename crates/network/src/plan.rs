@@ -1,12 +1,12 @@
 //! The best rho and alpha of the average, from the graph alone.
 //!
 //! With f_i(a) = 1/2 |a - a_i|^2 each number is averaged for itself, by t <- (I + alpha K(rho)) t + constant
-//! over the edge states. The nodes agree as fast as powers of the spectral radius of I + alpha K vanish, the
-//! eigenvalues 1 left out: those belong to values of t that go around cycles of the graph and move nothing.
+//! over the edge states. A disagreement decreases as powers of the spectral radius of I + alpha K, without
+//! the eigenvalues 1: those belong to values of t around cycles of the graph, which have no effect.
 //!
-//! Nodes with the same hubs are exchangeable. What they have in common moves as one node of their weight, and
-//! what sets them apart has the eigenvalue -c rho / (1 + c rho) of K: a station with a single link costs
-//! nothing, and the matrix is small.
+//! Nodes with the same hubs are exchangeable. Their mean is as one node of their weight, and their differences
+//! have the eigenvalue -c rho / (1 + c rho) of K: a station with a single link costs nothing, and the matrix is
+//! small.
 
 use super::{Constraints, NetworkError};
 use nalgebra::{Complex, DMatrix};
@@ -17,14 +17,14 @@ use std::collections::BTreeMap;
 pub struct Plan {
     /// Weight of agreement, rho.
     pub rho: f64,
-    /// Over-relaxation alpha for nodes in step.
+    /// Over-relaxation alpha for synchronous nodes.
     pub relaxation: f64,
-    /// What remains of a disagreement after an iteration.
+    /// Fraction of a disagreement that remains after an iteration.
     pub radius: f64,
 }
 
 impl Plan {
-    /// Iterations that leave this share of a disagreement, below 1.
+    /// Iterations that leave this fraction of a disagreement, below 1.
     pub fn iterations(&self, factor: f64) -> usize {
         (factor.ln() / self.radius.ln()).ceil().max(0.0) as usize
     }
@@ -103,8 +103,8 @@ impl Classes {
         let matrix = self.matrix(rho);
         let size = matrix.nrows();
         let schur = matrix.try_schur(1e-13, 10_000).ok_or(NetworkError::Singular(size))?;
-        let twins = self.groups.iter().filter(|(_, count)| *count > 1);
-        let apart = twins.map(|(hubs, _)| Complex::from(-pull_gain(hubs.len() as f64, rho)));
+        let shared = self.groups.iter().filter(|(_, count)| *count > 1);
+        let apart = shared.map(|(hubs, _)| Complex::from(-pull_gain(hubs.len() as f64, rho)));
         let moving: Vec<Complex<f64>> = schur
             .complex_eigenvalues()
             .iter()
@@ -114,7 +114,7 @@ impl Classes {
             .collect();
         let radius =
             |alpha: f64| moving.iter().map(|l| (1.0 + l * alpha).norm()).fold(0.0, f64::max);
-        // The least alpha within 2 % of the smallest radius: the less of it, the calmer the start.
+        // The smallest alpha within 2 % of the smallest radius: it gives the smoothest start.
         let steps: Vec<f64> = (50..200).map(|k| 0.01 * f64::from(k)).collect();
         let smallest = steps.iter().map(|&alpha| radius(alpha)).fold(f64::INFINITY, f64::min);
         let good = steps.into_iter().find(|&alpha| radius(alpha) <= 1.02 * smallest);
@@ -153,14 +153,14 @@ mod tests {
         };
         let mut nodes: Vec<_> = (0..19).map(node).collect();
         let mean = nodes.iter().map(|node| node.problem.own[0]).sum::<f64>() / 19.0;
-        let mut deviations = Vec::new();
+        let mut differences = Vec::new();
         for _ in 0..60 {
             sim::iterate(&mut nodes);
-            deviations.push(sim::deviation(&nodes, &[mean]));
+            differences.push(sim::max_difference(&nodes, &[mean]));
         }
-        // Over 40 iterations the slowest mode prevails; a complex pair of it makes the deviation swing by a
+        // Over 40 iterations the slowest mode prevails; a complex pair of it makes the difference oscillate by a
         // factor that 40 roots bring near 1.
-        let rate = (deviations[55] / deviations[15]).powf(1.0 / 40.0);
+        let rate = (differences[55] / differences[15]).powf(1.0 / 40.0);
         assert!((rate - plan.radius).abs() < 0.05, "{rate} {}", plan.radius);
     }
 

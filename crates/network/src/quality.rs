@@ -1,4 +1,4 @@
-//! Whether the observations fit: the test of the whole model, and a test of each observation, without a centre.
+//! Quality control without a centre: the test of the whole model, and a test of each observation.
 //!
 //! Both are exact at a node that has the network's solution x with its covariance Q (solver `info` or `tree`),
 //! because the covariance of all observations is block diagonal, a block a receiver (Baarda 1968; Teunissen,
@@ -18,9 +18,9 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 /// False-alarm probabilities, and the power of the minimal detectable bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
-    /// Probability that the test of the whole model rejects a network in order.
+    /// Probability that the test of the whole model rejects a network without faults.
     pub model: f64,
-    /// Probability that the test of an observation rejects one in order.
+    /// Probability that the test of an observation rejects one without fault.
     pub observation: f64,
     /// Probability that a bias of the minimal detectable size is found.
     pub power: f64,
@@ -34,18 +34,18 @@ impl Default for Levels {
 }
 
 impl Levels {
-    /// What |w| of one observation must exceed.
+    /// Critical value of |w| of one observation.
     pub fn observation_limit(&self) -> f64 {
         two_sided(self.observation)
     }
 
-    /// What the largest |w| of a whole network must exceed, at the level of the test of the model: as if there
-    /// were as many independent ones as there are degrees of freedom (Sidak).
+    /// Critical value of the largest |w| of a whole network, at the level of the test of the model: for as many
+    /// independent ones as there are degrees of freedom (Sidak).
     pub fn largest_limit(&self, freedom: f64) -> f64 {
         two_sided(-((-self.model).ln_1p() / freedom.max(1.0)).exp_m1())
     }
 
-    /// How far a minimal detectable bias shifts w: 4.13 with the default levels. (The other side of the test is
+    /// Shift of w by a minimal detectable bias: 4.13 with the default levels. (The other side of the test is
     /// left out: 1e-13 there.)
     pub fn shift(&self) -> f64 {
         self.observation_limit() + Normal::standard().inverse_cdf(self.power)
@@ -64,16 +64,16 @@ pub struct ModelTest {
     pub statistic: f64,
     /// Degrees of freedom.
     pub freedom: f64,
-    /// What T exceeds with the probability of a false alarm; infinite without degrees of freedom.
+    /// Critical value of T, exceeded with the probability of a false alarm; infinite without degrees of freedom.
     pub limit: f64,
 }
 
 impl ModelTest {
-    /// Of a solution, at a level.
+    /// The test of a solution, at a level.
     pub fn new(solution: &NetworkSolution, level: f64) -> Self {
         let NetworkSolution { misfit: statistic, freedom, .. } = *solution;
-        let law = ChiSquared::new(freedom).ok().filter(|_| freedom > 0.5);
-        let limit = law.map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - level));
+        let distribution = ChiSquared::new(freedom).ok().filter(|_| freedom > 0.5);
+        let limit = distribution.map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - level));
         Self { statistic, freedom, limit }
     }
 
@@ -96,11 +96,11 @@ pub struct LocalTests {
 
 /// See [`LocalTests::checked`]: far above rounding, far below any redundancy that is of use.
 const UNCHECKED: f64 = 1e-9;
-/// How near to 1 the correlation of two statistics is when no test tells them apart.
-const TWIN: f64 = 1.0 - 1e-9;
+/// Distance from 1 of the correlation of two statistics that no test distinguishes.
+const INDISTINGUISHABLE: f64 = 1.0 - 1e-9;
 
 impl LocalTests {
-    /// Of a receiver's model under the network's solution.
+    /// The tests of a receiver's model with the network's solution.
     pub fn new(model: &LinearModel, solution: &NetworkSolution) -> Self {
         let misfit = &model.observations - &model.design * &solution.x;
         let gain = &model.weight * &model.design;
@@ -125,21 +125,21 @@ impl LocalTests {
             .collect()
     }
 
-    /// The observation of the largest |w|, the first of twins, with it; `None` when nothing is checked.
+    /// The observation of the largest |w| (the first of equal ones) with it; `None` when nothing is checked.
     pub fn worst(&self) -> Option<(usize, f64)> {
         let w = self.statistics();
         let largest = w.iter().map(|w| w.abs()).fold(0.0, f64::max);
-        let worst = w.iter().position(|w| w.abs() >= TWIN * largest);
+        let worst = w.iter().position(|w| w.abs() >= INDISTINGUISHABLE * largest);
         worst.filter(|_| largest > 0.0).map(|worst| (worst, largest))
     }
 
-    /// The observations that no test tells from this one, itself included: both satellites of a receiver that
-    /// sees two have the same |w|.
-    pub fn twins(&self, of: usize) -> Vec<usize> {
+    /// The observations that no test distinguishes from this one, itself included: both satellites of a receiver
+    /// with two in view have the same |w|.
+    pub fn indistinguishable(&self, of: usize) -> Vec<usize> {
         let d = &self.covariance;
         let same = |&j: &usize| {
             let product = d[(j, j)] * d[(of, of)];
-            j == of || (self.checked[j] && d[(j, of)].powi(2) >= TWIN * product)
+            j == of || (self.checked[j] && d[(j, of)].powi(2) >= INDISTINGUISHABLE * product)
         };
         (0..self.checked.len()).filter(same).collect()
     }
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn limits_are_those_of_the_closed_forms() {
         let levels = Levels::default();
-        // Tables of the normal law: 3.29053 at 0.1 % two-sided, 0.84162 at 80 %.
+        // Tables of the normal distribution: 3.29053 at 0.1 % two-sided, 0.84162 at 80 %.
         assert!((levels.observation_limit() - 3.290_53).abs() < 1e-5);
         assert!((levels.shift() - 4.132_15).abs() < 1e-5);
         assert!((levels.largest_limit(1.0) - 2.575_83).abs() < 1e-5);
@@ -182,14 +182,14 @@ mod tests {
         for (w, l_j) in tests.statistics().iter().zip(&l) {
             assert!((w - (l_j - l.mean()) / spread).abs() < 1e-12);
         }
-        // A bias b moves the residual by 3/4 b, whose deviation is sigma sqrt(3/4).
+        // A bias b moves the residual by 3/4 b, whose standard deviation is sigma sqrt(3/4).
         let bias = tests.minimal_detectable(&Levels::default())[0];
         assert!((bias - Levels::default().shift() * sigma / 0.75f64.sqrt()).abs() < 1e-12);
-        assert_eq!((tests.worst().map(|w| w.0), tests.twins(3)), (Some(3), vec![3]));
+        assert_eq!((tests.worst().map(|w| w.0), tests.indistinguishable(3)), (Some(3), vec![3]));
     }
 
     #[test]
-    fn a_receiver_of_two_satellites_has_twins_and_one_alone_is_not_checked() {
+    fn two_satellites_of_a_receiver_are_indistinguishable_and_one_alone_is_not_checked() {
         let see = |satellites: &[usize], l: &[f64]| {
             let row = |k: usize, j: usize| if satellites[k] == j { 1.0 } else { 0.0 };
             let design = DMatrix::from_fn(satellites.len(), 3, row);
@@ -202,7 +202,7 @@ mod tests {
         models.iter().for_each(|model| sum.add(&model.normals()));
         let solution = sum.solve(Datum::ZeroMean).unwrap();
         let first = LocalTests::new(&models[0], &solution);
-        assert_eq!((first.worst().map(|w| w.0), first.twins(0)), (Some(0), vec![0, 1]));
+        assert_eq!((first.worst().map(|w| w.0), first.indistinguishable(0)), (Some(0), vec![0, 1]));
         // Satellite 2 is tied to the others by the third receiver alone.
         let third = LocalTests::new(&models[2], &solution);
         assert_eq!((third.statistics(), third.worst()), (vec![0.0, 0.0], None));

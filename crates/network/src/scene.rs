@@ -1,19 +1,21 @@
-//! A made network: stations in the clusters of the IGS, twelve satellites, and one observation a satellite in view.
+//! A simulated network: stations in the clusters of the IGS, twelve satellites, one observation a satellite in view.
 //!
-//! What a station i observes of satellite j at an epoch is the combination y3 - IF - mu3 GF of its three codes
-//! (Khodabandeh & Teunissen 2019, section 5), from which everything but two biases has dropped out:
+//! The observation of satellite j by station i at an epoch is the combination y3 - IF - mu3 GF of its three codes
+//! (Khodabandeh & Teunissen 2019, section 5), from which all but two biases is eliminated:
 //! l_ij = x_j + b_i + e, with the satellite's bias x_j (m), the receiver's own b_i (m), and white noise of
-//! 0.20 m sqrt(2.555) / sin(elevation), 0.32 m in the zenith.
+//! 0.20 m sqrt(2.555) / sin(elevation), 0.32 m at the zenith.
 //!
-//! The paper gives neither its stations' places nor its links, so these are ours, by seed:
+//! The paper gives neither its stations' positions nor its links; these are drawn by seed:
 //! - Stations: eight clusters as dense as the IGS is (Europe most), each of a spread of some 12 degrees.
 //! - Graph of 110: nine hubs, the first being station 0 and each next the one farthest from those before; every
 //!   other station is linked with its nearest hub (101 links), the hubs by their shortest spanning tree (8), and
 //!   the nine stations that lie most nearly between two hubs also with the second (9): 118 links, 92 stations
 //!   with one. In the variant "bridges" no two hubs are linked: a station between them is, with both.
-//! - Sky: circular orbits of half a sidereal day, 55 degrees of inclination, in twelve even slots (Walker 12/6/1),
+//! - Satellites: circular orbits of half a sidereal day, 55 degrees of inclination, in twelve even slots (Walker
+//!   12/6/1),
 //!   turned by an angle that the seed draws; elevation mask 10 degrees. Stations and angle are drawn again until
-//!   each satellite is in view of five stations (two of nine) and each hub leads a station of its own. Of 110 stations 0.30 x 110 x 12 = 395 observations are expected an epoch.
+//!   each satellite is in view of five stations (two of nine) and each hub leads a station of its own. Of 110
+//!   stations 0.30 x 110 x 12 = 395 observations are expected an epoch.
 //! - Biases: satellites' of 1 m, receivers' of 3 m, normal.
 
 use crate::{Datum, Graph, LinearModel, NINE_NODES, NetworkError};
@@ -26,7 +28,7 @@ use std::f64::consts::{SQRT_2, TAU};
 pub const SATELLITES: usize = 12;
 /// Time between epochs, s.
 pub const INTERVAL_S: f64 = 30.0;
-/// Standard deviation of an undifferenced code in the zenith, m.
+/// Standard deviation of an undifferenced code at the zenith, m.
 const CODE_SIGMA_M: f64 = 0.20;
 /// Variance of the combination over that of a code (section 5 of the paper, the frequencies L1, L2, L5).
 const COMBINATION: f64 = 2.555;
@@ -43,7 +45,7 @@ const HUBS: usize = 9;
 const SATELLITE_BIAS_M: f64 = 1.0;
 const RECEIVER_BIAS_M: f64 = 3.0;
 
-/// Latitude and longitude (deg) of the clusters' centres, with their share of the stations.
+/// Latitude and longitude (deg) of the clusters' centres, with their fraction of the stations.
 const CLUSTERS: [(f64, f64, f64); 8] = [
     (48.0, 12.0, 0.28),    // Europe
     (40.0, -98.0, 0.20),   // North America
@@ -55,7 +57,7 @@ const CLUSTERS: [(f64, f64, f64); 8] = [
     (-45.0, -170.0, 0.05), // New Zealand and the South Pacific
 ];
 
-/// How the made stations are linked.
+/// Links of the simulated stations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkLayout {
     /// 110 stations, nine hubs that are linked among themselves.
@@ -66,10 +68,10 @@ pub enum NetworkLayout {
     Nine,
 }
 
-/// A network, its sky and its biases.
+/// A network, its satellites and its biases.
 #[derive(Clone, Debug)]
 pub struct StationScene {
-    /// Who talks to whom.
+    /// Links.
     pub graph: Graph,
     /// Constraint nodes: the nine hubs, or C = {1, 3, 4, 6, 9} of the paper's nine nodes, numbered from 0.
     pub hubs: Vec<usize>,
@@ -86,8 +88,8 @@ pub fn normal(rng: &mut SplitMix64) -> f64 {
     SQRT_2 * rng.complex_normal().re
 }
 
-/// A unit vector about a place, Earth-fixed.
-fn place(latitude: f64, longitude: f64, spread: f64, rng: &mut SplitMix64) -> Vector3<f64> {
+/// A unit vector near a position, Earth-fixed.
+fn position(latitude: f64, longitude: f64, spread: f64, rng: &mut SplitMix64) -> Vector3<f64> {
     let (b, l) = (latitude.to_radians(), longitude.to_radians());
     let centre = Vector3::new(b.cos() * l.cos(), b.cos() * l.sin(), b.sin());
     (centre + spread * Vector3::from_fn(|_, _| normal(rng))).normalize()
@@ -97,7 +99,7 @@ impl StationScene {
     /// The network of a seed.
     ///
     /// # Errors
-    /// [`NetworkError`] never for these layouts, in whose graphs a way leads from each node to each other.
+    /// [`NetworkError`] never for these layouts, whose graphs are connected.
     pub fn new(layout: NetworkLayout, seed: u64) -> Result<Self, NetworkError> {
         let mut rng = SplitMix64::new(seed);
         let nodes = if layout == NetworkLayout::Nine { 9 } else { 110 };
@@ -130,7 +132,7 @@ impl StationScene {
         self.turn + OMEGA_EARTH * INTERVAL_S * epoch as f64
     }
 
-    /// Receivers that see each satellite together with another one.
+    /// Receivers with each satellite and another one in view.
     pub fn receivers(&self, epoch: usize) -> [usize; SATELLITES] {
         receivers(&self.stations, self.turn(epoch))
     }
@@ -145,7 +147,7 @@ impl StationScene {
         view(&self.stations[station], self.turn(epoch))
     }
 
-    /// What the network estimates: the satellites' biases, m, less their mean or with receiver 0's added, as the
+    /// The network's parameters: the satellites' biases, m, less their mean or with receiver 0's added, as the
     /// datum demands.
     pub fn truth(&self, datum: Datum) -> DVector<f64> {
         let x = DVector::from_row_slice(&self.satellite_biases);
@@ -156,8 +158,8 @@ impl StationScene {
     }
 
     /// All stations' models of an epoch, their noise from `rng`. Observation k of a station is of the k-th
-    /// satellite of its [`StationScene::view`]. Where the observations are the datum, station 0's bias is taken for
-    /// known, zero; where it is free, every station's bias is eliminated.
+    /// satellite of its [`StationScene::view`]. Where the observations are the datum, station 0's bias is taken as
+    /// zero; where it is free, every station's bias is eliminated.
     pub fn models(&self, epoch: usize, datum: Datum, rng: &mut SplitMix64) -> Vec<LinearModel> {
         let mut model =
             |station: usize| {
@@ -186,7 +188,7 @@ impl StationScene {
 /// Satellites in view, with the sine of their elevation.
 fn view(up: &Vector3<f64>, turn: f64) -> Vec<(usize, f64)> {
     let sine = |satellite| {
-        let sight = place_of_satellite(satellite, turn) - up * EARTH_RADIUS;
+        let sight = satellite_position(satellite, turn) - up * EARTH_RADIUS;
         (satellite, sight.dot(up) / sight.norm())
     };
     (0..SATELLITES).map(sine).filter(|(_, sine)| *sine > MASK).collect()
@@ -200,8 +202,8 @@ fn receivers(stations: &[Vector3<f64>], turn: f64) -> [usize; SATELLITES] {
     count
 }
 
-/// Where a satellite is, m, Earth-fixed.
-fn place_of_satellite(satellite: usize, turn: f64) -> Vector3<f64> {
+/// Position of a satellite, m, Earth-fixed.
+fn satellite_position(satellite: usize, turn: f64) -> Vector3<f64> {
     let (plane, slot) = ((satellite / 2) as f64, (satellite % 2) as f64);
     let node = TAU * plane / 6.0 - turn;
     let along = TAU * (slot / 2.0 + plane / 12.0) + 2.0 * turn;
@@ -214,18 +216,18 @@ fn place_of_satellite(satellite: usize, turn: f64) -> Vector3<f64> {
     ORBIT_RADIUS * in_space
 }
 
-/// A station of a cluster, or anywhere on the land of no map where there are but nine.
+/// A station of a cluster, or anywhere in a network of nine.
 fn station(layout: NetworkLayout, rng: &mut SplitMix64) -> Vector3<f64> {
     if layout == NetworkLayout::Nine {
-        return place(0.0, 0.0, 1e6, rng);
+        return position(0.0, 0.0, 1e6, rng);
     }
     let mut left = rng.uniform();
-    let chosen = CLUSTERS.iter().find(|(_, _, share)| {
-        left -= share;
+    let chosen = CLUSTERS.iter().find(|(_, _, fraction)| {
+        left -= fraction;
         left < 0.0
     });
     let (latitude, longitude, _) = *chosen.unwrap_or(&CLUSTERS[0]);
-    place(latitude, longitude, SPREAD, rng)
+    position(latitude, longitude, SPREAD, rng)
 }
 
 /// Hubs with the stations about them, and the hubs' tree; 118 links of 110 stations with nine hubs.
@@ -315,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimate_is_right_within_its_covariance_and_the_sky_moves() {
+    fn the_estimate_is_right_within_its_covariance_and_the_satellites_move() {
         for (layout, datum) in [
             (NetworkLayout::Hubs, Datum::Observed),
             (NetworkLayout::Hubs, Datum::ZeroMean),

@@ -1,4 +1,4 @@
-//! The network in one process: the same state machines, with a transport that is known to the last message.
+//! The network in one process: the same state machines, with a simulated transport.
 
 use super::NetworkError;
 use super::consensus::{Node, Proximal, Received, Residuals};
@@ -8,19 +8,19 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// What a transport carries messages for: a state machine with neighbours.
+/// A state machine with neighbours, to which a transport carries messages.
 pub trait Participant {
     /// Takes a message of a neighbour.
     fn receive(&mut self, message: &NodeMessage) -> Received;
-    /// Does what can be done with what was received; returns whether the estimate was computed anew.
+    /// One step with what was received; returns whether the estimate was computed anew.
     fn step(&mut self) -> bool;
-    /// What it has to say now, with the neighbour that it is for.
+    /// Its messages, each with the neighbour that it is for.
     fn messages(&self) -> Vec<(usize, NodeMessage)>;
-    /// What it holds the network's value for.
+    /// Its estimate of the common value.
     fn estimate(&self) -> &[f64];
-    /// How far from agreement it was at its last step.
+    /// Distance from agreement at its last step.
     fn residuals(&self) -> Residuals;
-    /// What its messages pass on from now on beside the estimation.
+    /// Sets the news that its messages pass on beside the estimation.
     fn set_news(&mut self, news: News);
 }
 
@@ -76,10 +76,10 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
     }
 }
 
-/// Every node says what it has to say, all of it arrives, every node steps.
+/// Every node sends its messages, all arrive, every node steps.
 pub fn exchange<P: Participant>(nodes: &mut [P]) {
-    let said: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
-    for (to, message) in &said {
+    let sent: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
+    for (to, message) in &sent {
         nodes[*to].receive(message);
     }
     for node in nodes {
@@ -87,20 +87,20 @@ pub fn exchange<P: Participant>(nodes: &mut [P]) {
     }
 }
 
-/// One iteration of figure 6 at every node of a network in step: states to the hubs, and their means back.
+/// One iteration of figure 6 at every node of a synchronous network: states to the hubs, and their means back.
 pub fn iterate<P: Participant>(nodes: &mut [P]) {
     exchange(nodes);
     exchange(nodes);
 }
 
 /// The largest difference between any node's estimate and a value; infinite when an estimate is no number.
-pub fn deviation<P: Participant>(nodes: &[P], value: &[f64]) -> f64 {
+pub fn max_difference<P: Participant>(nodes: &[P], value: &[f64]) -> f64 {
     let pairs = nodes.iter().flat_map(|node| node.estimate().iter().zip(value));
     let apart = pairs.map(|(a, b)| (a - b).abs());
     apart.map(|off| if off.is_nan() { f64::INFINITY } else { off }).fold(0.0, f64::max)
 }
 
-/// What links and clocks are like.
+/// Properties of links and clocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// Probability that a message is lost, from 0 to below 1.
@@ -118,7 +118,7 @@ impl Default for Conditions {
     }
 }
 
-/// Nodes with clocks of their own, on links that lose and delay.
+/// Nodes with clocks of their own, on links with losses and delays.
 #[derive(Debug)]
 pub struct Simulation<P> {
     /// The nodes.
@@ -127,12 +127,12 @@ pub struct Simulation<P> {
     rates: Vec<f64>,
     random: ChaCha8Rng,
     now: u64,
-    /// What arrives at a tick, with where.
+    /// Messages by the tick of their arrival, with the receiver.
     under_way: BTreeMap<u64, Vec<(usize, NodeMessage)>>,
 }
 
 impl<P: Participant> Simulation<P> {
-    /// Puts nodes into these conditions; a seed makes the same run again.
+    /// Nodes in these conditions; a seed makes runs repeatable.
     ///
     /// # Errors
     /// [`NetworkError::BadSetting`] for a loss outside [0, 1), a delay of 0, or a rate outside (0, 1].
@@ -158,7 +158,7 @@ impl<P: Participant> Simulation<P> {
         self.now
     }
 
-    /// One tick: what is due arrives; some nodes step, and say what they have to say.
+    /// One tick: messages that are due arrive; some nodes step and send their messages.
     pub fn tick(&mut self) {
         self.now += 1;
         for (to, message) in self.under_way.remove(&self.now).unwrap_or_default() {

@@ -1,10 +1,10 @@
-//! The solvers by name: what each averages, and how its numbers are read.
+//! The solvers by name, and the meaning of the numbers of each.
 
 use super::{Constraints, Datum, Graph, NetworkError, NetworkSolution, info};
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-/// How a network arrives at its solution.
+/// Solver of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkSolver {
@@ -13,33 +13,34 @@ pub enum NetworkSolver {
     Info,
     /// The paper's: agrees on the parameters alone; small messages, many rounds.
     Admm,
-    /// Sums the normal equations over a spanning tree: exact, but no detour leads around a dead node.
+    /// Sums the normal equations over a spanning tree: exact, but fails with any node.
     Tree,
 }
 
-/// What all nodes of a network must know alike.
+/// Settings common to all nodes of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Agreement {
-    /// Who talks to whom.
+    /// Links.
     pub graph: Graph,
-    /// Whose stars bind them.
+    /// Constraint nodes.
     pub constraints: Constraints,
-    /// How they arrive at the solution.
+    /// Solver.
     pub solver: NetworkSolver,
-    /// Weight of agreement: without unit for [`NetworkSolver::Info`], that of a normal matrix for [`NetworkSolver::Admm`].
+    /// Weight of agreement: without unit for [`NetworkSolver::Info`], that of a normal matrix for
+    /// [`NetworkSolver::Admm`].
     pub rho: f64,
-    /// What fixes the parameters.
+    /// Datum of the parameters.
     pub datum: Datum,
     /// Number of parameters.
     pub parameters: usize,
 }
 
-/// What a node knows of the common parameters.
+/// A node's solution for the common parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Estimate {
     /// The parameters alone, from [`NetworkSolver::Admm`].
     Parameters(DVector<f64>),
-    /// All that a centre would know.
+    /// The solution with its covariance.
     Full(NetworkSolution),
 }
 
@@ -62,10 +63,10 @@ impl Estimate {
 }
 
 impl Agreement {
-    /// Reads what a node of this network holds.
+    /// The solution from a node's estimate.
     ///
     /// # Errors
-    /// [`NetworkError::Singular`] while too little has been heard.
+    /// [`NetworkError::Singular`] while too few messages have arrived.
     pub fn read(&self, estimate: &[f64]) -> Result<Estimate, NetworkError> {
         let sum = |factor| -> Result<Estimate, NetworkError> {
             let normals = info::unpack(estimate, self.parameters)?.scaled(factor);

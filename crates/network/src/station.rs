@@ -1,4 +1,4 @@
-//! A receiver in its network: the solver's state machine, with the control of what it observes beside it.
+//! A receiver in its network: the solver's state machine with quality control.
 
 use super::admm::{NodeLeastSquares, Weight};
 use super::consensus::{Node, NodeOptions, Received, Residuals};
@@ -11,14 +11,14 @@ use super::solver::{Agreement, Estimate, NetworkSolver};
 use super::tree::TreeNode;
 use super::{LinearModel, NetworkError, Normals};
 
-/// A node with everything that a transport needs of it.
+/// A node for a transport.
 #[derive(Clone, Debug)]
 pub struct Station {
     agreement: Agreement,
     machine: Machine,
-    /// Of what the node holds for credible of its own.
+    /// Normal equations of the node's accepted observations.
     normals: Normals,
-    /// For the solvers that give a covariance.
+    /// For solvers that give a covariance.
     monitor: Option<Monitor>,
     verdict: Verdict,
     named: Vec<Suspect>,
@@ -86,30 +86,30 @@ impl Station {
         })
     }
 
-    /// What the node knows of the common parameters.
+    /// The node's solution for the common parameters.
     ///
     /// # Errors
-    /// [`NetworkError::Singular`] while too little has been heard.
+    /// [`NetworkError::Singular`] while too few messages have arrived.
     pub fn read(&self) -> Result<Estimate, NetworkError> {
         self.agreement.read(self.estimate())
     }
 
-    /// What the node holds of the network's observations.
+    /// The node's verdict on the network's observations.
     pub fn verdict(&self) -> &Verdict {
         &self.verdict
     }
 
-    /// The observations that the network has named as faulty, in their order, as this node came to know it.
+    /// The observations that the network found faulty, in the order in which this node received them.
     pub fn named(&self) -> &[Suspect] {
         &self.named
     }
 
-    /// The node's own observations that it has taken out, in their order; of twins both.
+    /// The node's own excluded observations, in their order; of indistinguishable ones all.
     pub fn excluded(&self) -> &[usize] {
         &self.excluded
     }
 
-    /// The normal equations of what the node holds for credible of its own.
+    /// The normal equations of the node's accepted observations.
     pub fn normals(&self) -> &Normals {
         &self.normals
     }
@@ -135,12 +135,12 @@ impl Station {
         }
     }
 
-    /// Goes on warm with other normal equations.
+    /// Continues from the last state with other normal equations.
     fn set_normals(&mut self, normals: Normals) {
         match &mut self.machine {
             Machine::Info(node) => node.problem.own = info::pack(&normals),
             Machine::Tree(node) => node.set_own(info::pack(&normals)),
-            // Without covariance nothing is ever taken out.
+            // Without covariance nothing is ever excluded.
             Machine::Admm(_) => {}
         }
         self.normals = normals;

@@ -1,4 +1,4 @@
-//! What several tests share: a nominal sky, and stations under it. The Earth is a sphere here.
+//! A nominal constellation and stations for several tests. The Earth is a sphere here.
 
 use super::{Constraints, Graph};
 use nalgebra::Vector3;
@@ -34,13 +34,13 @@ pub fn stream(seed: u64, trial: u64) -> ChaCha8Rng {
     random
 }
 
-/// A number of the standard normal law.
+/// A number of the standard normal distribution.
 pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     random.sample(StandardNormal)
 }
 
-/// A place on the globe within `spread` radii of another, or anywhere with a spread of infinity.
-pub fn place_near(centre: &Vector3<f64>, spread: f64, random: &mut ChaCha8Rng) -> Vector3<f64> {
+/// A position on the globe within `spread` radii of another, or anywhere with a spread of infinity.
+pub fn position_near(centre: &Vector3<f64>, spread: f64, random: &mut ChaCha8Rng) -> Vector3<f64> {
     let aside = Vector3::from_fn(|_, _| normal(random));
     if spread.is_infinite() {
         return aside.normalize() * EARTH_M;

@@ -1,8 +1,8 @@
-//! The exact sum over a tree: the check of the others, and the least talk where the graph does not change.
+//! The exact sum over a tree: a check of the other solvers, and the fewest messages where the graph does not change.
 //!
-//! On each link of a spanning tree a node tells its neighbour the sum of all that lies on its own side: its own
-//! numbers and what its other neighbours told. After as many exchanges as the tree is wide, every node knows the
-//! sum of all, exactly. Messages are absolute, so that loss only delays. But no detour leads around a dead node.
+//! On each link of a spanning tree a node sends its neighbour the sum over its own side: its own numbers and the
+//! sums of its other neighbours. After as many exchanges as the diameter of the tree, every node has the exact sum
+//! of all. Messages are absolute, so that loss only delays. But the tree fails with any node.
 
 use super::Graph;
 use super::consensus::{Received, Residuals};
@@ -17,12 +17,12 @@ pub struct TreeNode {
     branches: Vec<Branch>,
     sequence: u64,
     total: Vec<f64>,
-    /// The largest change of the total at the last step; infinite until every branch was heard.
+    /// The largest change of the total at the last step; infinite until every branch has sent its sum.
     shift: f64,
     news: News,
 }
 
-/// What lies behind a neighbour.
+/// The sum over a neighbour's side.
 #[derive(Clone, Debug)]
 struct Branch {
     neighbour: usize,
@@ -48,12 +48,12 @@ impl TreeNode {
         }
     }
 
-    /// Whether something was heard from every branch.
+    /// Whether every branch has sent its sum.
     pub fn complete(&self) -> bool {
         self.branches.iter().all(|branch| branch.heard.is_some())
     }
 
-    /// New numbers of its own.
+    /// Sets new numbers of its own.
     pub fn set_own(&mut self, own: Vec<f64>) {
         self.own = own;
     }

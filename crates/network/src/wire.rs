@@ -4,8 +4,8 @@
 //! (8 bytes each), the [`NodeMessage`] in the postcard format, and a checksum (8 bytes) of all before it. What does
 //! not fit the receiver's own [`PacketHeader`] is refused with a reason, and has no effect.
 //!
-//! The checksum is FNV-1a of 64 bits, in which one changed byte always shows, whatever its place. It finds
-//! damage, not forgery: who may send is the transport's affair.
+//! The checksum is FNV-1a of 64 bits, in which one changed byte always shows, at any position. It
+//! detects damage, not forgery: authentication is left to the transport.
 
 use super::message::{Body, NodeMessage};
 use serde::Serialize;
@@ -21,7 +21,7 @@ const MESSAGE: usize = 5 + 10 + 1 + 2 * 10 + 5 + 1 + 8 + 3 * 5;
 /// The number of a node (5) and of its state (10).
 const ACKNOWLEDGED: usize = 5 + 10;
 
-/// What all messages of one network have in common.
+/// Header of all messages of one network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PacketHeader {
     network: u64,
@@ -69,13 +69,13 @@ pub enum Refused {
     /// Not of this program.
     #[error("not a message of sdr-rx: it does not begin with SDRN")]
     NotOurs,
-    /// Of a program that speaks otherwise.
+    /// Of another version.
     #[error("of another version of sdr-rx, not of {VERSION}")]
     OtherVersion,
     /// Of a network of another name.
     #[error("of a network of another name")]
     OtherNetwork,
-    /// Of a network that estimates something else.
+    /// Of a network with other parameters.
     #[error("of a network of other parameters")]
     OtherParameters,
     /// Of another epoch.
@@ -114,9 +114,9 @@ pub fn decode(packet: &[u8], expected: &PacketHeader) -> Result<NodeMessage, Ref
         (14..22, Refused::OtherParameters),
         (22..30, Refused::OtherEpoch),
     ];
-    for (place, reason) in fields {
-        match packet.get(place.clone()) {
-            Some(found) if *found == own[place] => {}
+    for (position, reason) in fields {
+        match packet.get(position.clone()) {
+            Some(found) if *found == own[position] => {}
             Some(_) => return Err(reason),
             None if packet.starts_with(&MAGIC) => return Err(Refused::Damaged),
             None => return Err(Refused::NotOurs),
@@ -191,7 +191,7 @@ mod tests {
         ]
     }
 
-    /// With a checksum that fits.
+    /// With a valid checksum.
     fn seal(mut content: Vec<u8>) -> Vec<u8> {
         let sum = fnv(FNV_START, &content);
         content.extend(sum.to_le_bytes());
@@ -284,8 +284,8 @@ mod tests {
     }
 
     fn exchange_packets(nodes: &mut Nodes) {
-        let said: Vec<_> = nodes.iter().flat_map(Node::messages).collect();
-        for (to, message) in said {
+        let sent: Vec<_> = nodes.iter().flat_map(Node::messages).collect();
+        for (to, message) in sent {
             let packet = encode(&header(), &message);
             nodes[to].receive(&decode(&packet, &header()).unwrap());
         }
@@ -312,8 +312,8 @@ mod tests {
             _ => {}
         }
         for _ in 0..rng.random_range(1..8) {
-            let place = rng.random_range(0..packet.len().max(1));
-            if let Some(byte) = packet.get_mut(place) {
+            let position = rng.random_range(0..packet.len().max(1));
+            if let Some(byte) = packet.get_mut(position) {
                 *byte ^= rng.random_range(1..=255u8);
             }
         }
@@ -323,26 +323,26 @@ mod tests {
         packet
     }
 
-    /// A genuine packet whose message was changed by one who knows the format: it may be taken.
+    /// A genuine packet whose message was changed with a valid format: it may be accepted.
     fn forged(genuine: &[Vec<u8>], rng: &mut ChaCha8Rng) -> Vec<u8> {
         let packet = &genuine[rng.random_range(0..genuine.len())];
         let mut content = packet[..packet.len() - CHECKSUM].to_vec();
         for _ in 0..rng.random_range(1..4) {
-            let place = rng.random_range(PREFIX..content.len());
-            content[place] = rng.random();
+            let position = rng.random_range(PREFIX..content.len());
+            content[position] = rng.random();
         }
         seal(content)
     }
 
-    /// Exchanges between nodes at which `packets` packets are thrown, beside nodes that are left in peace.
+    /// Exchanges between nodes that also receive `packets` bad packets, beside nodes that do not.
     fn assault(packets: usize, seed: u64) {
         const ROUNDS: usize = 40;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let (mut assaulted, mut in_peace) = (nodes(), nodes());
         let mut taken = 0;
         for _ in 0..ROUNDS {
-            let said = assaulted.iter().flat_map(Node::messages);
-            let genuine: Vec<_> = said.map(|(_, message)| encode(&header(), &message)).collect();
+            let sent = assaulted.iter().flat_map(Node::messages);
+            let genuine: Vec<_> = sent.map(|(_, message)| encode(&header(), &message)).collect();
             for _ in 0..packets / ROUNDS {
                 let node = &mut assaulted[rng.random_range(0..NODES)];
                 if rng.random_bool(0.5) {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Start all nodes of a network, and tell when each is as near to the centralised solution as asked.
+/// Start all nodes of a network, and report when each is as near to the centre's solution as specified.
 #[derive(Parser)]
 struct Arguments {
     /// The network file; its nodes' addresses must be of this machine.
@@ -60,12 +60,12 @@ fn main() -> Result<()> {
     let folder = example.parent().and_then(Path::parent).context("no folder of programs")?;
     let program = folder.join("sdr-rx-node");
     ensure!(program.is_file(), "build it first: there is no '{}'", program.display());
-    let place = tempfile::tempdir()?;
+    let folder = tempfile::tempdir()?;
     let network = std::fs::canonicalize(&arguments.network)?;
     let start = Instant::now();
     let mut nodes = Nodes(Vec::new());
     for (k, node) in setup.file.node.iter().enumerate() {
-        let config = place.path().join(format!("{k}.toml"));
+        let config = folder.path().join(format!("{k}.toml"));
         let text = format!(
             "network = {network:?}\nnode = {:?}\nmode = {:?}\npace_ms = {}\nstatus = \"{k}.jsonl\"\n\
              status_ms = 200\n",
@@ -75,17 +75,18 @@ fn main() -> Result<()> {
         nodes.0.push(Command::new(&program).arg(config).stdout(Stdio::null()).spawn()?);
     }
     let started = start.elapsed();
-    let said = |k: usize| -> Option<Value> {
-        let text = std::fs::read_to_string(place.path().join(format!("{k}.jsonl"))).ok()?;
+    let record = |k: usize| -> Option<Value> {
+        let text = std::fs::read_to_string(folder.path().join(format!("{k}.jsonl"))).ok()?;
         let whole = &text[..text.rfind('\n')?];
         serde_json::from_str(whole.lines().last()?).ok()
     };
-    let off = |said: &Value| -> Option<f64> {
-        let x = said["x"].as_array()?.iter().zip(&centre.x);
+    let off = |record: &Value| -> Option<f64> {
+        let x = record["x"].as_array()?.iter().zip(&centre.x);
         x.map(|(x, centre)| Some((x.as_f64()? - centre).abs()))
             .try_fold(0.0, |m, d| Some(d?.max(m)))
     };
-    let near = |k| said(k).and_then(|said| off(&said)).is_some_and(|off| off < arguments.within);
+    let near =
+        |k| record(k).and_then(|record| off(&record)).is_some_and(|off| off < arguments.within);
     while !(0..count).all(near) {
         let late = start.elapsed() > Duration::from_secs(arguments.patience_s);
         let there = || (0..count).filter(|&k| near(k)).count();
@@ -94,8 +95,8 @@ fn main() -> Result<()> {
     }
     let settled = start.elapsed();
     let memory: Vec<f64> = nodes.0.iter().filter_map(|child| peak_memory(child.id())).collect();
-    let last = (0..count).filter_map(said);
-    let worst = last.clone().filter_map(|said| off(&said)).fold(0.0, f64::max);
+    let last = (0..count).filter_map(record);
+    let worst = last.clone().filter_map(|record| off(&record)).fold(0.0, f64::max);
     let result = json!({
         "nodes": count,
         "links": setup.file.links.len(),
@@ -104,7 +105,7 @@ fn main() -> Result<()> {
         "all_within_s": settled.as_secs_f64(),
         "within": arguments.within,
         "off": worst,
-        "most_rounds": last.filter_map(|said| said["round"].as_u64()).max(),
+        "most_rounds": last.filter_map(|record| record["round"].as_u64()).max(),
         "peak_memory_mb": memory.iter().copied().fold(0.0, f64::max),
         "peak_memory_of_all_mb": memory.iter().sum::<f64>(),
     });
@@ -112,7 +113,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The most memory that a process has had in use (MB), where the system tells.
+/// The most memory that a process has had in use (MB), where the system gives it.
 fn peak_memory(process: u32) -> Option<f64> {
     let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -12,7 +12,7 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// All nodes in step: fewest rounds; one silent node holds all.
+    /// All nodes synchronous: fewest rounds; one silent node holds all.
     Synchronous,
     /// Each by its own clock, each link when its last message is acknowledged: for links that lose messages and
     /// nodes that come and go.
@@ -37,12 +37,12 @@ pub struct NodeFile {
     /// Shortest time between two moves.
     #[serde(default = "five_milliseconds")]
     pub pace_ms: u64,
-    /// Rest after so many moves; without, the node goes on until it is told to end.
+    /// Rest after so many moves; without, the node goes on until it is stopped.
     pub rounds: Option<u64>,
     /// Which observations these are: messages of another epoch are refused.
     #[serde(default)]
     pub epoch: u64,
-    /// A neighbour that has been silent for so long is taken for dead.
+    /// A neighbour that has been silent for so long is considered dead.
     #[serde(default = "ten_seconds")]
     pub lease_ms: u64,
     /// Probability that a packet that came in is thrown away, for experiments.
@@ -54,12 +54,12 @@ pub struct NodeFile {
     /// Time between two status records.
     #[serde(default = "one_second")]
     pub status_ms: u64,
-    /// Who may talk to the node, and how.
+    /// Encryption and authentication.
     #[serde(default)]
     pub security: Security,
 }
 
-/// Encryption and authentication, by zenoh's own means; file names are relative to the node file's folder.
+/// Encryption and authentication, by zenoh; file names are relative to the node file's folder.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Security {
@@ -93,7 +93,7 @@ fn standard_output() -> String {
     "-".into()
 }
 
-/// All that a node needs to know.
+/// Configuration of a node.
 #[derive(Debug)]
 pub struct Setup {
     /// The node's own file.
@@ -108,14 +108,14 @@ pub struct Setup {
 impl Setup {
     /// Reads a node's file and the network's, and checks both.
     pub fn read(path: &Path) -> Result<Self> {
-        let place = || format!("reading '{}'", path.display());
-        let text = std::fs::read_to_string(path).with_context(place)?;
-        let file: NodeFile = toml::from_str(&text).with_context(place)?;
+        let doing = || format!("reading '{}'", path.display());
+        let text = std::fs::read_to_string(path).with_context(doing)?;
+        let file: NodeFile = toml::from_str(&text).with_context(doing)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         let network = NetworkSetup::read(&folder.join(&file.network))?;
         let id = network.node(&file.node)?;
         let setup = Self { file, network, id, folder };
-        setup.check().with_context(place)?;
+        setup.check().with_context(doing)?;
         Ok(setup)
     }
 
@@ -174,7 +174,7 @@ impl Setup {
         Ok(())
     }
 
-    /// The nodes to talk to, ascending.
+    /// The neighbours, ascending.
     pub fn neighbours(&self) -> impl Iterator<Item = usize> {
         self.network.agreement.graph.neighbours(self.id).iter().copied()
     }
@@ -185,8 +185,8 @@ impl Setup {
         hubs.iter().copied().filter(|&hub| hub != self.id).collect()
     }
 
-    /// Whether a move waits for the answers of all neighbours. The sums over a tree need no such thing.
-    pub fn in_step(&self) -> bool {
+    /// Whether a move waits for the answers of all neighbours. The sums over a tree do not need that.
+    pub fn is_synchronous(&self) -> bool {
         self.file.mode == Mode::Synchronous && self.network.agreement.solver != NetworkSolver::Tree
     }
 
@@ -224,7 +224,7 @@ impl Setup {
         }
     }
 
-    /// The configuration of zenoh: a peer that talks to its configured neighbours and to nobody else. The node
+    /// The configuration of zenoh: a peer connected to its configured neighbours only. The node
     /// of the larger number connects, and tries for ever (a timeout of 0 would mean once).
     pub fn zenoh(&self, longest_packet: usize) -> Result<Value> {
         let smaller = self.neighbours().filter(|&node| node < self.id);

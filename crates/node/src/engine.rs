@@ -1,8 +1,8 @@
 //! Packets to and from the neighbours, by zenoh.
 //!
-//! Peers that were told their neighbours' addresses, and nobody between them. The keys of a network `NET` are
-//! `NET/z/S` for what constraint node S tells its star, `NET/up/S/I` for what node I tells its neighbour S, and
-//! `NET/live/I`, a token that stands as long as node I is heard of.
+//! Peers with the addresses of their neighbours, without a router. The keys of a network `NET` are `NET/z/S` for
+//! messages of constraint node S to its star, `NET/up/S/I` for messages of node I to its neighbour S, and
+//! `NET/live/I`, a token that exists as long as node I is connected.
 
 use anyhow::{Result, anyhow};
 use std::collections::BTreeMap;
@@ -13,21 +13,21 @@ use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::CongestionControl;
 use zenoh::sample::{Sample, SampleKind};
 
-/// More than these are not kept for a node that does not keep up.
+/// Maximum number of packets kept for a node that does not keep up.
 const WAITING_PACKETS: usize = 4096;
 
-/// What comes from a neighbour.
+/// Input from a neighbour.
 #[derive(Debug)]
 pub(crate) enum Event {
     /// Bytes on one of our keys.
     Packet(Vec<u8>),
-    /// A node was heard of.
+    /// A node connected.
     Up(usize),
     /// A node fell silent or closed its connection.
     Down(usize),
 }
 
-/// For whom a packet is.
+/// Destination of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Address {
     /// All neighbours of this node.
@@ -45,7 +45,7 @@ pub(crate) struct Engine {
     events: Receiver<Event>,
     publishers: BTreeMap<Address, Publisher<'static>>,
     _subscribers: Vec<Subscriber<()>>,
-    /// Declared last: who sees it knows that this node listens.
+    /// Declared last: a node that receives it can rely on this node's subscriptions.
     _token: LivelinessToken,
 }
 
@@ -112,7 +112,7 @@ fn subscribe(
 ) -> Result<Subscriber<()>> {
     let sender = sender.clone();
     let take = move |sample: Sample| {
-        // What finds no place is lost, as on a bad link: it will be said again.
+        // Without room the packet is lost, as on a bad link: it will be sent again.
         _ = sender.try_send(Event::Packet(sample.payload().to_bytes().into_owned()));
     };
     session.declare_subscriber(key).callback(take).wait().map_err(failed("listen"))

@@ -1,6 +1,6 @@
 //! One receiver of a network without a centre, as a process: `sdr-rx-node CONFIG.toml`.
 //!
-//! The library decides ([`sdr_rx_network`]), zenoh moves bytes: there is no algorithm here.
+//! Algorithms are in the library ([`sdr_rx_network`]), transport in zenoh.
 
 mod config;
 mod engine;
@@ -22,8 +22,8 @@ use std::sync::atomic::AtomicBool;
 
 /// One receiver of a network without a centre.
 ///
-/// Talks to its neighbours only, and arrives at the least-squares solution that a centre would compute. Runs
-/// until it is told to end (Ctrl-C, SIGTERM), and writes status records as JSON Lines.
+/// Communicates with its neighbours only, and converges to the least-squares solution of a centre. Runs until it
+/// is stopped (Ctrl-C, SIGTERM), and writes status records as JSON Lines.
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -48,7 +48,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Whether nobody reads our status records any more.
+/// Whether the reader of the status records has closed the pipe.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
     let kind = error.root_cause().downcast_ref::<std::io::Error>().map(std::io::Error::kind);
     kind == Some(std::io::ErrorKind::BrokenPipe)

@@ -1,8 +1,8 @@
-//! The node at work: packets in, steps of the library's state machine, packets out.
+//! The loop of a node: packets in, steps of the library's state machine, packets out.
 
 use crate::config::Setup;
 use crate::engine::{Address, Engine, Event};
-use crate::status::{Log, Packets, Record, Schedule};
+use crate::status::{Log, Packets, Schedule, StatusRecord};
 use anyhow::Result;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,12 +15,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// In step: how long without progress until everything is said again.
+/// Synchronous: time without progress after which everything is sent again.
 const PATIENCE: Duration = Duration::from_millis(200);
-/// How long a request to end may go unnoticed.
+/// Maximum time until a request to end is noticed.
 const NAP: Duration = Duration::from_millis(50);
 
-/// A node, its place in the network, and what it has heard.
+/// A node, its neighbours, and the packets received.
 pub struct Member<'a> {
     setup: &'a Setup,
     header: PacketHeader,
@@ -28,17 +28,17 @@ pub struct Member<'a> {
     round: u64,
     live: BTreeSet<usize>,
     packets: Packets,
-    /// The sequence number of what was last said to whom.
-    said: BTreeMap<Address, u64>,
+    /// The sequence number of the last packet to each destination.
+    sent: BTreeMap<Address, u64>,
     random: ChaCha8Rng,
     start: Instant,
 }
 
 impl<'a> Member<'a> {
-    /// A node that starts from nothing.
+    /// A node without prior estimate.
     pub fn new(setup: &'a Setup) -> Result<Self> {
         let network = &setup.network;
-        let rule = if setup.in_step() { Rule::Synchronous } else { Rule::Acknowledged };
+        let rule = if setup.is_synchronous() { Rule::Synchronous } else { Rule::Acknowledged };
         let now = SystemTime::now().duration_since(UNIX_EPOCH)?;
         let first_sequence = now.as_nanos() as u64;
         let options = NodeOptions { relaxation: setup.relaxation(), rule, first_sequence };
@@ -54,7 +54,7 @@ impl<'a> Member<'a> {
             round: 0,
             live: BTreeSet::new(),
             packets: Packets::default(),
-            said: BTreeMap::new(),
+            sent: BTreeMap::new(),
             random: ChaCha8Rng::seed_from_u64(first_sequence),
             start: Instant::now(),
         })
@@ -68,9 +68,9 @@ impl<'a> Member<'a> {
     /// Works until `stop` is set.
     pub fn run(&mut self, engine: &mut Engine, log: &mut Log, stop: &AtomicBool) -> Result<()> {
         let mut schedule = Schedule::new(Duration::from_millis(self.setup.file.status_ms));
-        let in_step = self.setup.in_step();
+        let synchronous = self.setup.is_synchronous();
         let (mut next_move, mut progress) = (Instant::now(), Instant::now());
-        let mut waiting = in_step;
+        let mut waiting = synchronous;
         while !stop.load(Ordering::Relaxed) {
             let until = next_move.saturating_duration_since(Instant::now());
             let wait = if until.is_zero() { NAP } else { until.min(NAP) };
@@ -88,11 +88,11 @@ impl<'a> Member<'a> {
             if stalled {
                 progress = now;
             }
-            if due && !in_step {
+            if due && !synchronous {
                 next_move = now + self.setup.pace();
             }
             if !waiting {
-                self.speak(engine, came_up || stalled || (due && !in_step))?;
+                self.speak(engine, came_up || stalled || (due && !synchronous))?;
             }
             if schedule.due(self.start.elapsed()) {
                 let doing = if resting { "resting" } else { "running" };
@@ -136,18 +136,18 @@ impl<'a> Member<'a> {
         }
     }
 
-    /// Says what is new, or everything.
+    /// Sends what is new, or everything.
     fn speak(&mut self, engine: &mut Engine, everything: bool) -> Result<()> {
-        let mut star_is_told = false;
+        let mut star_is_done = false;
         for (neighbour, message) in self.station.messages() {
             let to = match message.body {
                 Body::Consensus { .. } => Address::Star,
                 Body::State { .. } | Body::PartialSum { .. } => Address::Neighbour(neighbour),
             };
-            let told = to == Address::Star && std::mem::replace(&mut star_is_told, true);
-            let new = self.said.get(&to) != Some(&message.sequence);
-            if !told && (new || everything) {
-                self.said.insert(to, message.sequence);
+            let done = to == Address::Star && std::mem::replace(&mut star_is_done, true);
+            let new = self.sent.get(&to) != Some(&message.sequence);
+            if !done && (new || everything) {
+                self.sent.insert(to, message.sequence);
                 engine.send(to, wire::encode(&self.header, &message))?;
             }
         }
@@ -158,11 +158,11 @@ impl<'a> Member<'a> {
         self.setup.neighbours().filter(|node| !self.live.contains(node))
     }
 
-    fn record<'s>(&'s self, state: &'s str) -> Record<'s> {
+    fn record<'s>(&'s self, state: &'s str) -> StatusRecord<'s> {
         let estimate = self.station.read().ok().filter(|_| self.round > 0);
         let residuals = self.station.residuals();
         let solution = estimate.as_ref().and_then(|estimate| estimate.solution());
-        Record {
+        StatusRecord {
             node: self.setup.id,
             name: &self.setup.file.node,
             state,

@@ -1,4 +1,4 @@
-//! What the node says of itself: JSON Lines.
+//! Status records of a node, as JSON Lines.
 
 use anyhow::{Context, Result};
 use sdr_rx_network::message::Suspect;
@@ -10,12 +10,12 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-/// What became of the packets that came.
+/// Counts of received packets.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Packets {
-    /// Said something new.
+    /// With something new.
     pub taken: u64,
-    /// Older than what the sender had said before.
+    /// Older than an earlier one of the sender.
     pub old: u64,
     /// Well formed, but of no neighbour.
     pub foreign: u64,
@@ -27,21 +27,21 @@ pub struct Packets {
 
 /// One record.
 #[derive(Debug, Serialize)]
-pub struct Record<'a> {
+pub struct StatusRecord<'a> {
     /// Number of the node.
     pub node: usize,
     /// Its name.
     pub name: &'a str,
-    /// What it does: `waiting` for neighbours, `running`, `resting` after the last round, `ended`.
+    /// State: `waiting` for neighbours, `running`, `resting` after the last round, `ended`.
     pub state: &'a str,
     /// Seconds since the node started.
     pub elapsed_s: f64,
-    /// How often the estimate has been computed.
+    /// Number of times that the estimate has been computed.
     pub round: u64,
-    /// The estimate; absent until the observations that were heard of determine it.
+    /// The estimate; absent until the observations received determine it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x: Option<Vec<f64>>,
-    /// Its standard deviations, where the solver knows them.
+    /// Its standard deviations, where the solver gives them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Vec<f64>>,
     /// The largest |x_i - z_s| of the last move, in the units of what is agreed on.
@@ -50,21 +50,21 @@ pub struct Record<'a> {
     pub dual: f64,
     /// Whether all nodes are near agreement.
     pub settled: bool,
-    /// Observations that the network has named as faulty.
+    /// Observations that the network found faulty.
     #[serde(skip_serializing_if = "<[Suspect]>::is_empty")]
     pub named: &'a [Suspect],
-    /// This node's observations that it has taken out, counted from 0.
+    /// This node's excluded observations, counted from 0.
     #[serde(skip_serializing_if = "<[usize]>::is_empty")]
     pub excluded: &'a [usize],
-    /// Neighbours that are heard of.
+    /// Connected neighbours.
     pub live: &'a BTreeSet<usize>,
-    /// Neighbours that are not.
+    /// Neighbours not connected.
     pub missing: Vec<usize>,
-    /// What came in.
+    /// Received packets.
     pub packets: &'a Packets,
 }
 
-/// Where the records go.
+/// Output of the records.
 pub struct Log(Box<dyn Write>);
 
 impl Log {
@@ -80,7 +80,7 @@ impl Log {
     }
 
     /// Writes one record, as one line at once.
-    pub fn write(&mut self, record: &Record) -> Result<()> {
+    pub fn write(&mut self, record: &StatusRecord) -> Result<()> {
         let line = serde_json::to_string(record)? + "\n";
         let written = self.0.write_all(line.as_bytes()).and_then(|()| self.0.flush());
         written.context("cannot write a status record")

@@ -15,6 +15,7 @@ mod integrity;
 mod least_squares;
 mod loss;
 mod options;
+mod place;
 mod problem;
 #[cfg(test)]
 mod simulated;
@@ -27,6 +28,7 @@ pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{Fix, FixMethod, Residual, TimeSearch};
 pub use loss::Robust;
 pub use options::{Exclusion, Height, Observable, PositioningOptions};
-pub use problem::{Place, Row, RowKind, Satellite, Seen};
+pub use place::Place;
+pub use problem::{Row, RowKind, Satellite, Seen};
 pub use snapshot::solve_snapshot;
 pub use solver::Solver;

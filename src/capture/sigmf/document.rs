@@ -1,16 +1,16 @@
-//! The fields of SigMF metadata, version 1.x, and of its `spatial` extension: the part that a receiver needs.
+//! The fields of SigMF metadata, version 1.x, and of its `spatial` extension that a receiver needs.
 
 use serde::{Deserialize, Serialize};
 
 /// A `.sigmf-meta` file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metadata {
-    /// What holds for the whole recording.
+    /// Properties of the whole recording.
     pub global: Global,
     /// Segments of the recording, the first at sample 0.
     #[serde(default)]
     pub captures: Vec<Capture>,
-    /// Marked regions: kept as they are.
+    /// Marked regions, unchanged.
     #[serde(default)]
     pub annotations: Vec<serde_json::Value>,
 }
@@ -30,7 +30,7 @@ pub struct Global {
     /// Number of channels, interleaved by sample; 1 where absent.
     #[serde(rename = "core:num_channels", skip_serializing_if = "Option::is_none")]
     pub num_channels: Option<usize>,
-    /// What the recording is.
+    /// Description of the recording.
     #[serde(rename = "core:description", skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
     /// The hardware that made it.
@@ -54,10 +54,10 @@ pub struct Global {
     /// Elements of the antenna array, in this file and others.
     #[serde(rename = "spatial:num_elements", skip_serializing_if = "Option::is_none")]
     pub num_elements: Option<usize>,
-    /// Which of the array's elements the first channel is.
+    /// The array's element of the first channel.
     #[serde(rename = "spatial:channel_index", skip_serializing_if = "Option::is_none")]
     pub channel_index: Option<usize>,
-    /// What the channels are to be multiplied by, [re, im].
+    /// Factors of the channels, [re, im].
     #[serde(rename = "sdr_rx:calibration", skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Vec<[f64; 2]>>,
 }
@@ -68,25 +68,25 @@ pub struct Capture {
     /// Index of the segment's first sample.
     #[serde(rename = "core:sample_start", default)]
     pub sample_start: u64,
-    /// Frequency of the sky that lies at 0 Hz of the samples, Hz.
+    /// Radio frequency at 0 Hz of the samples, Hz.
     #[serde(rename = "core:frequency", skip_serializing_if = "Option::is_none")]
     pub frequency: Option<f64>,
     /// UTC of the segment's first sample, ISO 8601.
     #[serde(rename = "core:datetime", skip_serializing_if = "Option::is_none")]
     pub datetime: Option<String>,
-    /// Bytes before the segment's first sample that are no samples.
+    /// Bytes of a header before the segment's first sample.
     #[serde(rename = "core:header_bytes", skip_serializing_if = "Option::is_none")]
     pub header_bytes: Option<u64>,
-    /// Where the array's boresight points, degrees from north over east.
+    /// Azimuth of the array's boresight, degrees from north over east.
     #[serde(rename = "spatial:aperture_azimuth", skip_serializing_if = "Option::is_none")]
     pub aperture_azimuth: Option<f64>,
-    /// The same with elevation; goes before `aperture_azimuth`.
+    /// The same with elevation; overrides `aperture_azimuth`.
     #[serde(rename = "spatial:aperture_bearing", skip_serializing_if = "Option::is_none")]
     pub aperture_bearing: Option<ApertureBearing>,
     /// Right-handed turn about the boresight, degrees.
     #[serde(rename = "spatial:aperture_rotation", skip_serializing_if = "Option::is_none")]
     pub aperture_rotation: Option<f64>,
-    /// Where the elements are: those of this file, or all of the array.
+    /// Positions of the elements: those of this file, or all of the array.
     #[serde(rename = "spatial:element_geometry", skip_serializing_if = "Option::is_none")]
     pub element_geometry: Option<Vec<CartesianPoint>>,
     /// Phase of this file's data against the common reference, degrees.
@@ -105,7 +105,7 @@ pub struct Extension {
     pub optional: bool,
 }
 
-/// Where an element is.
+/// Position of an element.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CartesianPoint {
     /// X, Y, Z, m; absent where it is unknown.
@@ -113,7 +113,7 @@ pub struct CartesianPoint {
     pub point: Option<[f64; 3]>,
 }
 
-/// Where the boresight points.
+/// Direction of the boresight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ApertureBearing {
     /// Degrees from north over east.

@@ -65,7 +65,7 @@ pub(super) fn describe(path: &Path, options: &OpenOptions) -> Result<Description
     Ok(Description { data: vec![whole.part(offset, bytes)], ..described })
 }
 
-/// What the metadata say of the data at `data_path`.
+/// The metadata's description of the data at `data_path`.
 fn interpret(
     metadata: &Metadata,
     path: &Path,

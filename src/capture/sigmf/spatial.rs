@@ -1,7 +1,7 @@
 //! The antenna array in SigMF metadata: the `spatial` extension, version 1.1.0.
 //!
 //! Its frame has X along the boresight, Y to the left and Z up; `aperture_azimuth` (or
-//! `aperture_bearing`) says where X points, and `aperture_rotation` is a right-handed turn about it. Ours is
+//! `aperture_bearing`) is the direction of X, and `aperture_rotation` is a right-handed turn about it. Ours is
 //! right, forward, up, with yaw, pitch and roll. Forward is the boresight, and so
 //!
 //! - right = -Y, forward = X, up = Z;
@@ -22,7 +22,7 @@ use std::path::Path;
 /// Farthest element from the origin, m.
 const FARTHEST_M: f64 = 1000.0;
 
-/// Adds what a receiver may know of the array to the metadata of a file with all of its channels.
+/// Adds the array, without its errors, to the metadata of a file with all of its channels.
 pub(super) fn describe(array: &ArrayDescription, global: &mut Global, capture: &mut Capture) {
     let Attitude { yaw_deg, pitch_deg, roll_deg } = array.attitude;
     let extension = |name: &str, version: &str| Extension {
@@ -45,7 +45,7 @@ pub(super) fn describe(array: &ArrayDescription, global: &mut Global, capture: &
     }
 }
 
-/// The part of the array that the `channels` of one file are, if the metadata say where it is.
+/// The part of the array that belongs to the `channels` of one file, if the metadata give it.
 pub(super) fn read(
     global: &Global,
     capture: &Capture,
@@ -63,7 +63,7 @@ pub(super) fn read(
         );
         wrong(path, field, reason)
     })?;
-    // An element of unknown place makes the array an unknown one.
+    // An element of unknown position makes the array an unknown one.
     let Some(points) = own.iter().map(|p| p.point).collect::<Option<Vec<_>>>() else {
         return Ok(None);
     };
@@ -75,8 +75,8 @@ pub(super) fn read(
     let pitch_deg = bearing.elevation.unwrap_or(0.0);
     let roll_deg = capture.aperture_rotation.unwrap_or(0.0);
     let calibration = calibration(global, capture, channels, path)?;
-    let place = |[x, y, z]: [f64; 3]| Vector3::new(0.0 - y, x, z);
-    let array = AntennaArray::new(points.into_iter().map(place).collect());
+    let position = |[x, y, z]: [f64; 3]| Vector3::new(0.0 - y, x, z);
+    let array = AntennaArray::new(points.into_iter().map(position).collect());
     let attitude = Attitude { yaw_deg, pitch_deg, roll_deg };
     Ok(Some(ArrayDescription { attitude, calibration, ..array.into() }))
 }
@@ -102,7 +102,7 @@ fn calibration(
     }
 }
 
-/// The array whose parts two files hold, in this order; none where one is unknown or turned otherwise.
+/// The array whose parts two files hold, in this order; none where one is unknown or has another attitude.
 pub(in crate::capture) fn joined(
     first: Option<ArrayDescription>,
     second: Option<ArrayDescription>,

@@ -29,8 +29,8 @@ impl SigmfWriter {
     /// Starts the recording `NAME.sigmf-meta` with its samples beside it in `NAME.sigmf-data`.
     ///
     /// Rate, number of channels, start time, real or complex, and the frequency at 0 Hz
-    /// (L1 less the intermediate frequency), and the antenna array (without its errors) come from `info`. Samples are written as they are: scale
-    /// them to the levels of the quantiser before.
+    /// (L1 less the intermediate frequency), and the antenna array (without its errors) come from `info`.
+    /// Samples are written unscaled: they must be at the levels of the quantiser.
     ///
     /// # Errors
     /// When `meta_path` does not end in `.sigmf-meta`, or its folder cannot be written.

@@ -6,23 +6,23 @@ use sdr_rx::report::OutputDir;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// A network of receivers that each have a bias of their own.
+/// A network of receivers, each with a bias of its own.
 pub(super) struct Network {
     pub name: String,
     /// Names of the common parameters.
     pub parameters: Vec<String>,
-    /// Each node with what it observed.
+    /// Each node with its observations.
     pub nodes: Vec<(String, ModelFile)>,
-    /// Which nodes talk to each other.
+    /// Links between nodes.
     pub links: Vec<(usize, usize)>,
-    /// Constraint nodes, where they are not to be chosen from the graph.
+    /// Constraint nodes, where they are not chosen from the graph.
     pub hubs: Option<Vec<usize>>,
     /// The first node's port on the loopback interface.
     pub base_port: u16,
 }
 
 impl Network {
-    /// Writes all files, and says where.
+    /// Writes all files, and prints their folder.
     pub fn write(self, path: &Path) -> anyhow::Result<ExitCode> {
         let count = self.nodes.len();
         ensure!(

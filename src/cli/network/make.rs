@@ -1,4 +1,4 @@
-//! `sdr-rx network make`: a made network as files.
+//! `sdr-rx network make`: a simulated network as files.
 
 use super::files::Network;
 use clap::ValueEnum;
@@ -23,7 +23,7 @@ pub struct Make {
     /// Which network
     #[arg(long, value_name = "WHICH", default_value = "nine")]
     layout: LayoutArg,
-    /// Places, sky, biases and noise are drawn from this
+    /// Seed of positions, satellites, biases and noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// The nodes listen on this port of the loopback interface and those above it

@@ -7,7 +7,7 @@ mod run;
 
 use std::process::ExitCode;
 
-/// Receivers that talk to their neighbours only, and each arrive at the solution of all
+/// Receivers that communicate with their neighbours only, and each arrive at the solution of all
 #[derive(clap::Args)]
 pub(crate) struct Network {
     #[command(subcommand)]

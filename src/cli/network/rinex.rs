@@ -87,8 +87,8 @@ pub fn run(args: &Rinex) -> anyhow::Result<ExitCode> {
     .write(&args.folder)
 }
 
-/// A station's whole file: the weighted mean of each satellite's combinations, their errors taken for white and
-/// the receiver's bias for constant.
+/// A station's whole file: the weighted mean of each satellite's combinations, with the assumption of white
+/// errors and a constant receiver bias.
 fn model(epochs: &[StationEpoch], options: &CodeOptions) -> ModelFile {
     let mut sums: BTreeMap<Sv, (f64, f64)> = BTreeMap::new();
     let zenith_variance = options.carriers.variance_factor() * options.zenith_sigma_m.powi(2);

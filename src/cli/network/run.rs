@@ -17,7 +17,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// All nodes of a network in this process: what each arrives at, beside what a centre would have computed
+/// All nodes of a network in this process: the solution of each, compared with a centre's
 ///
 /// Example: sdr-rx network make nine && sdr-rx network run nine/network.toml
 #[derive(clap::Args)]
@@ -33,16 +33,16 @@ pub(super) struct Run {
     /// Nodes have clocks of their own, and links delay
     #[arg(long)]
     asynchronous: bool,
-    /// Share of messages that are lost, on asynchronous links
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "asynchronous")]
+    /// Probability that a message is lost, on asynchronous links
+    #[arg(long, value_name = "PROBABILITY", default_value_t = 0.0, requires = "asynchronous")]
     loss: f64,
     /// Falsify an observation before the start: node, observation counted from 0, error; such as N004:1:8.5
     #[arg(long, value_name = "NODE:K:ERROR", value_parser = fault)]
     fault: Option<Fault>,
-    /// Clocks, delays and losses are drawn from this
+    /// Seed of clocks, delays and losses
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Write the solution, and the way there as CSV and SVG, into this folder
+    /// Write the solution, and the convergence as CSV and SVG, into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write the result as one JSON object to a file, or - for standard output
@@ -83,13 +83,13 @@ impl Fault {
     }
 }
 
-/// How many times the rounds that a graph needs are waited for a verdict.
+/// Multiple of the rounds that a graph needs after which no verdict is awaited.
 const PATIENCE: u64 = 20;
 
-/// Steadiest over links that lose and delay.
+/// Over-relaxation for links with losses and delays.
 const ASYNCHRONOUS_RELAXATION: f64 = 1.3;
 
-/// Runs the network and prints what came out.
+/// Runs the network and prints the results.
 pub fn run(args: &Run) -> anyhow::Result<ExitCode> {
     let setup = NetworkSetup::read(&args.network)?;
     let count = setup.file.node.len();
@@ -124,7 +124,7 @@ fn options(args: &Run, setup: &NetworkSetup) -> NodeOptions {
     NodeOptions { relaxation, rule, first_sequence: 0 }
 }
 
-/// What a centre would compute of all that the nodes hold for credible.
+/// A centre's solution of all observations that the nodes have accepted.
 fn centre(setup: &NetworkSetup, nodes: &[Station]) -> anyhow::Result<NetworkSolution> {
     let mut sum = Normals::none(setup.agreement.parameters);
     nodes.iter().for_each(|node| sum.add(node.normals()));
@@ -132,8 +132,8 @@ fn centre(setup: &NetworkSetup, nodes: &[Station]) -> anyhow::Result<NetworkSolu
     solution.with_context(|| format!("solving all of '{}' at once", setup.path.display()))
 }
 
-/// The way there: after each round, the largest difference of any node from the centre, none while too little
-/// has been heard.
+/// The convergence: after each round, the maximum difference of any node from the centre; none while too few messages
+/// have arrived.
 fn drive(
     args: &Run,
     setup: &NetworkSetup,
@@ -153,7 +153,7 @@ fn drive(
     let mut trace = Vec::new();
     let conditions = Conditions { loss: args.loss, ..Conditions::default() };
     let mut simulation = Simulation::new(nodes, conditions, args.seed)?;
-    // Nothing ends while a fault is named but not yet out, or a node still waits for the others.
+    // The run does not end while a detected fault is not yet excluded, or a node still waits for the others.
     let checked = args.rounds.is_none() && setup.agreement.solver != NetworkSolver::Admm;
     let waits = |node: &Station| matches!(node.verdict(), Verdict::Named(_) | Verdict::Unsettled);
     let open =
@@ -177,12 +177,12 @@ fn drive(
     Ok((simulation.nodes, trace))
 }
 
-/// Whether two words are of the same observation.
+/// Whether two suspicions are of the same observation.
 fn same(a: &Suspect, b: &Suspect) -> bool {
     (a.node, a.observation) == (b.node, b.observation)
 }
 
-/// What there is to print.
+/// Results to print.
 struct Found<'a> {
     args: &'a Run,
     setup: &'a NetworkSetup,
@@ -239,7 +239,7 @@ impl Found<'_> {
         text
     }
 
-    /// What the nodes hold of the observations.
+    /// The nodes' verdicts on the observations.
     fn quality(&self) -> String {
         let name = |k: u32| self.setup.file.node[k as usize].name.as_str();
         let mut text = String::new();
@@ -276,7 +276,7 @@ impl Found<'_> {
         text
     }
 
-    /// All observations that any node has named, each once.
+    /// All observations that any node suspects, each once.
     fn named(&self) -> impl Iterator<Item = (usize, Suspect)> {
         let mut all: Vec<Suspect> = Vec::new();
         for suspect in self.nodes.iter().flat_map(|node| node.named()) {

@@ -18,7 +18,8 @@ fn info(real: bool) -> StreamInfo {
 /// Noise with a background of unit variance.
 fn noise(share: f64, ratio: f64, real: bool, len: usize, seed: u64) -> Vec<Complex32> {
     let (mut re, mut im) = (vec![0.0; len], vec![0.0; len]);
-    NoiseSource::new(GaussianMixture { share, ratio }, seed, 0).add(0, &mut re, &mut im);
+    NoiseSource::new(GaussianMixture { probability: share, ratio }, seed, 0)
+        .add(0, &mut re, &mut im);
     let sample = |(re, im): (f32, f32)| {
         if real { Complex32::new(re * 2f32.sqrt(), 0.0) } else { Complex32::new(re, im) }
     };

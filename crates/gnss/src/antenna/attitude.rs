@@ -1,21 +1,21 @@
-//! How a platform is turned against the horizon.
+//! Attitude of a platform against the horizon.
 
 use crate::checked;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How a platform is turned: its axes right, forward and up start as east, north and up; then it rolls
+/// Attitude of a platform: its axes right, forward and up start as east, north and up; then it rolls
 /// about forward, pitches about right, and yaws about up. Degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Attitude {
-    /// Where forward points, from north over east.
+    /// Azimuth of forward, from north over east.
     #[serde(deserialize_with = "checked::finite")]
     pub yaw_deg: f64,
-    /// How far forward points above the horizon.
+    /// Elevation of forward.
     #[serde(deserialize_with = "checked::finite")]
     pub pitch_deg: f64,
-    /// How far the right side lies lower than the left (a right-handed turn about forward).
+    /// Right-handed turn about forward: positive when the right side is lower than the left.
     #[serde(deserialize_with = "checked::finite")]
     pub roll_deg: f64,
 }

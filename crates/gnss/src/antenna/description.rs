@@ -1,4 +1,4 @@
-//! All that a person says of an array: geometry, attitude, errors, calibration.
+//! Description of an array: geometry, attitude, errors, calibration.
 
 use super::table::ArrayTable;
 use super::{AntennaArray, ArrayError, Attitude};
@@ -25,21 +25,21 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "ArrayTable", into = "ArrayTable")]
 pub struct ArrayDescription {
-    /// What it is.
+    /// Name.
     pub description: String,
     /// The elements, ideal (all gains 1): right, forward and up of the platform.
     pub array: AntennaArray,
-    /// How the platform is turned.
+    /// Attitude of the platform.
     pub attitude: Attitude,
-    /// Gain and phase of each element beyond the geometry: a simulation applies them, a receiver does not
-    /// know them.
+    /// Gain and phase of each element beyond the geometry: a simulation applies them, a receiver is not given
+    /// them.
     pub errors: Vec<Complex64>,
-    /// What a receiver multiplies each channel by before anything else.
+    /// Factor of each channel in a receiver.
     pub calibration: Option<Vec<Complex64>>,
 }
 
 impl From<AntennaArray> for ArrayDescription {
-    /// An array on a level platform that looks north; its gains are errors.
+    /// An array on a level platform with forward to the north; its gains are errors.
     fn from(array: AntennaArray) -> Self {
         let AntennaArray { elements_m, gains } = array;
         Self {
@@ -73,7 +73,7 @@ impl From<ArrayDescription> for ArrayTable {
 }
 
 impl ArrayDescription {
-    /// An array as it is named on the command line: `ula:8`, `ula:8:0.5`, `ura:2x2`, `ura:2x2:0.5`,
+    /// An array by its short form: `ula:8`, `ula:8:0.5`, `ura:2x2`, `ura:2x2:0.5`,
     /// `uca:8:0.5` (elements; spacing or radius in wavelengths, half a wavelength of spacing by default),
     /// or the path of a `.toml` file.
     ///
@@ -111,19 +111,19 @@ impl ArrayDescription {
         self.array.is_empty()
     }
 
-    /// The ideal array in the frame east, north, up: what a receiver, after calibration, takes it for.
-    /// Directions of its manifold are then azimuths and elevations.
+    /// The ideal array in the frame east, north, up, as a receiver assumes it after calibration. Directions of
+    /// its manifold are then azimuths and elevations.
     pub fn in_enu(&self) -> AntennaArray {
         let turn = self.attitude.to_enu();
         AntennaArray::new(self.array.elements_m.iter().map(|p| turn * p).collect())
     }
 
-    /// The array as it really is, in the frame east, north, up: the errors are its gains.
+    /// The true array, in the frame east, north, up: the errors are its gains.
     pub fn real_in_enu(&self) -> AntennaArray {
         AntennaArray { gains: self.errors.clone(), ..self.in_enu() }
     }
 
-    /// What a receiver may know of it: all but the errors.
+    /// The description for a receiver: all but the errors.
     pub fn without_errors(&self) -> Self {
         Self { errors: vec![Complex64::ONE; self.len()], ..self.clone() }
     }
@@ -187,7 +187,7 @@ mod tests {
         ] {
             let named = ArrayDescription::parse(short).unwrap();
             assert_eq!(named, table(toml).unwrap(), "{short}");
-            // And what is written says the same as what was read.
+            // What is written equals what was read.
             assert_eq!(named, table(&toml::to_string(&named).unwrap()).unwrap());
         }
         let d = L1_WAVELENGTH / 2.0;
@@ -205,7 +205,7 @@ mod tests {
                     errors = { gain_db = [0.0, 6.0], phase_deg = [0.0, 30.0] }\n\
                     calibration = { gain_db = [0.0, -6.0], phase_deg = [0.0, -30.0] }";
         let array = table(text).unwrap();
-        // The platform looks east, so its right is south: from azimuth 180 - 30, elevation 0, the wave
+        // Forward is east, so right is south: from azimuth 180 - 30, elevation 0, the wave
         // reaches the second element first by d cos 30.
         let towards = super::super::direction(150f64.to_radians(), 0.0);
         let response = array.real_in_enu().response(&towards);
@@ -223,14 +223,14 @@ mod tests {
     }
 
     #[test]
-    fn drawn_errors_have_the_deviations_asked_for_and_follow_the_seed() {
+    fn drawn_errors_have_the_given_standard_deviations_and_follow_the_seed() {
         let draw = |seed: u64| {
             let errors = format!("{{ gain_rms_db = 0.5, phase_rms_deg = 5.0, seed = {seed} }}");
             table(&format!("linear = {{ count = 1000 }}\nerrors = {errors}")).unwrap().errors
         };
         let rms = |list: Vec<f64>| (list.iter().map(|v| v * v).sum::<f64>() / 1000.0).sqrt();
         let errors = draw(1);
-        // The deviation of an rms of 1000 draws is 1 / sqrt(2000) = 2.2 %: four of it.
+        // The standard deviation of an rms of 1000 draws is 1 / sqrt(2000) = 2.2 %: four of it.
         let gain = rms(errors.iter().map(|g| 20.0 * g.norm().log10()).collect());
         let phase = rms(errors.iter().map(|g| g.arg().to_degrees()).collect());
         assert!((gain / 0.5 - 1.0).abs() < 0.09 && (phase / 5.0 - 1.0).abs() < 0.09);

@@ -1,8 +1,8 @@
-//! Why an array cannot be taken.
+//! Errors of descriptions of arrays.
 
 use std::path::PathBuf;
 
-/// Why the description of an array cannot be taken.
+/// Why the description of an array is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ArrayError {
     /// The array's file cannot be read.
@@ -10,7 +10,7 @@ pub enum ArrayError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// No TOML, an unknown key, or a value outside its range; with line and column.
@@ -21,7 +21,7 @@ pub enum ArrayError {
         /// What was wrong, and where.
         source: Box<toml::de::Error>,
     },
-    /// A short form that is none.
+    /// An invalid short form.
     #[error(
         "array '{text}': {reason}; write ula:8 or ula:8:0.5 (elements, spacing in wavelengths), ura:2x2 or \
          ura:2x2:0.5 (columns x rows, spacing), uca:8:0.5 (elements, radius), or name a .toml file"

@@ -1,4 +1,4 @@
-//! Antenna arrays: where their elements are, how they are turned, and how they answer a plane wave.
+//! Antenna arrays: positions of the elements, attitude, and response to a plane wave.
 
 mod attitude;
 mod description;
@@ -14,7 +14,7 @@ use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// An array of antenna elements that all see the same sky.
+/// An array of antenna elements of equal pattern.
 ///
 /// Positions are east, north and up of the array's origin (or right, forward and up of a platform,
 /// where the array is turned with it), in metres.
@@ -22,7 +22,7 @@ use std::f64::consts::TAU;
 pub struct AntennaArray {
     /// Element positions, m.
     pub elements_m: Vec<Vector3<f64>>,
-    /// What each element makes of a wave beyond the geometry: gain and phase, 1 when calibrated.
+    /// Gain and phase of each element beyond the geometry, 1 when calibrated.
     pub gains: Vec<Complex64>,
 }
 
@@ -80,7 +80,7 @@ impl AntennaArray {
     }
 
     /// Direction of the axis of a linear array, from its first element towards its last; none where the
-    /// elements lie on no line, or in one place (to a millionth of a wavelength).
+    /// elements lie on no line, or at one position (to a millionth of a wavelength).
     pub fn axis(&self) -> Option<Unit<Vector3<f64>>> {
         let (first, last) = (self.elements_m.first()?, self.elements_m.last()?);
         let axis = Unit::try_new(last - first, 1e-6 * L1_WAVELENGTH)?;

@@ -1,4 +1,4 @@
-//! An array as TOML says it.
+//! An array in TOML.
 
 use super::{AntennaArray, Attitude};
 use crate::checked;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Elements that a capture may have.
 const MOST: usize = 1024;
-/// No element is farther than this from the origin, m: beyond, one plane wave of one Doppler is no model.
+/// No element is farther than this from the origin, m: the model is one plane wave with one Doppler.
 const FARTHEST_M: f64 = 1000.0;
 
 /// The keys of an array file, and of `[array]` in a scenario.
@@ -64,7 +64,7 @@ fn half() -> f64 {
     0.5
 }
 
-/// What the elements make of a wave: lists, or normal deviates of these deviations.
+/// Gain and phase of the elements: lists, or normal random numbers of these standard deviations.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Errors {
@@ -80,7 +80,7 @@ pub(super) struct Errors {
     seed: u64,
 }
 
-/// What a receiver multiplies the channels by.
+/// Factors of the channels in a receiver.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Calibration {
@@ -125,9 +125,11 @@ impl Errors {
             return weights("errors", count, &self.gain_db, &self.phase_deg);
         }
         if self.gain_db.is_some() || self.phase_deg.is_some() {
-            return Err("errors: give lists (gain_db, phase_deg) or deviations (gain_rms_db, \
+            return Err(
+                "errors: give lists (gain_db, phase_deg) or standard deviations (gain_rms_db, \
                         phase_rms_deg, seed), not both"
-                .into());
+                    .into(),
+            );
         }
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut draw = |rms: f64| -> f64 {

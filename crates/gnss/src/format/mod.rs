@@ -1,4 +1,4 @@
-//! Files of the field, reader beside writer: RINEX navigation and observation files, SP3, two-line elements.
+//! Readers and writers of files: RINEX navigation and observation files, SP3, two-line elements.
 
 pub(crate) mod records;
 pub mod rinex_nav;

@@ -1,4 +1,4 @@
-//! Lines with fixed columns, as RINEX, SP3 and element sets have them, and what can be wrong with them.
+//! Lines with fixed columns, as in RINEX, SP3 and element sets, and their errors.
 
 use crate::GpsTime;
 use std::path::{Path, PathBuf};
@@ -9,25 +9,25 @@ pub enum ReadError {
     /// The file cannot be opened or read.
     #[error("reading the {format} file {path}: {source}")]
     Io {
-        /// What the file should hold, such as RINEX.
+        /// Expected format, such as RINEX.
         format: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A line is not what the format asks for.
+    /// A line does not follow the format.
     #[error("reading {format} {file}, line {line}: {problem}; {right}")]
     Malformed {
-        /// What the file should hold, such as RINEX.
+        /// Expected format, such as RINEX.
         format: &'static str,
         /// The file.
         file: String,
         /// Line number, from 1.
         line: usize,
-        /// What is there.
+        /// The fault.
         problem: String,
-        /// What would be right.
+        /// What is valid.
         right: String,
     },
 }
@@ -48,18 +48,18 @@ pub(crate) fn ascii(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect()
 }
 
-/// Whether a file starts as those of gzip and compress do.
+/// Whether a file starts with the magic of gzip or compress.
 pub(crate) fn is_compressed(head: &[u8]) -> bool {
     head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x1F, 0x9D])
 }
 
-/// The complaint about such a file.
+/// The error of such a file.
 pub(crate) fn compressed(format: &'static str, file: &str) -> ReadError {
     let line = Line { format, file, number: 1, text: "" };
     line.malformed("the file is compressed", "unpack it with gzip -d first")
 }
 
-/// A line and its place for error messages.
+/// A line and its number for error messages.
 #[derive(Clone, Copy)]
 pub(crate) struct Line<'a> {
     pub format: &'static str,

@@ -2,8 +2,8 @@
 //! Product 3 Orbit Format (SP3-d)", 2016).
 //!
 //! Positions (km) and clocks (us) of GPS and QZSS are kept; other systems, velocities, correlations and
-//! predicted or manoeuvre flags are skipped. What a table of points becomes is told in
-//! [`precise_orbit`](crate::orbit::precise).
+//! predicted or manoeuvre flags are skipped. Tables of points are
+//! interpolated in [`precise_orbit`](crate::orbit::precise).
 
 use crate::format::records::{Line, ReadError, ascii, read_text};
 use crate::orbit::precise::{PreciseOrbit, PrecisePoint};
@@ -15,7 +15,7 @@ use std::path::Path;
 /// Clocks from this value on, us, are not known (999999.999999).
 const UNKNOWN_CLOCK_US: f64 = 999_999.0;
 
-/// What an SP3 file holds.
+/// Contents of an SP3 file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreciseFile {
     /// Orbits of GPS and QZSS.
@@ -196,7 +196,7 @@ mod tests {
             assert!((state.velocity_mps.x - 1e3 / 900.0).abs() < 1e-9);
             let relativity = -2.0 * 20.005e6 * (1e3 / 900.0) / 299_792_458f64.powi(2);
             assert!((state.clock_bias_s - 123.5e-6 - relativity).abs() < 1e-15);
-            // 2^7 mm, 0.5 m of antenna, 3 m of group delay that nobody told.
+            // 2^7 mm, 0.5 m of antenna, 3 m of unknown group delay.
             assert!((orbit.range_sigma_m() - 0.128f64.hypot(0.5).hypot(3.0)).abs() < 1e-12);
             assert!(data.orbit(sv, t + 86_400.0).is_err());
         }
@@ -226,7 +226,7 @@ mod tests {
         for (text, message) in cases {
             let error = parse(&text, "igs.sp3").unwrap_err().to_string();
             assert!(error.starts_with("reading SP3 igs.sp3, line "), "{error}");
-            assert!(error.contains(message), "'{error}' should say '{message}'");
+            assert!(error.contains(message), "'{error}' should contain '{message}'");
         }
     }
 

@@ -2,8 +2,8 @@
 //! Spacetrack Report #3", AIAA 2006-6753), through the `sgp4` crate.
 //!
 //! SGP4 gives states of the true equator and mean equinox (TEME); they are turned to the Earth-fixed frame
-//! by the mean sidereal time alone. UT1 is taken as UTC and polar motion as none: up to 0.4 km and 15 m
-//! in low orbits, within the kilometres that element sets are good to (about 1 km at their epoch, growing by
+//! by the mean sidereal time alone. UT1 is taken as UTC and polar motion is neglected: up to 0.4 km
+//! and 15 m in low orbits, within the accuracy of element sets (about 1 km at their epoch, growing by
 //! 1 to 3 km a day).
 
 use crate::GpsTime;
@@ -20,7 +20,7 @@ pub struct Tle {
     pub name: String,
     /// Number in the catalogue (NORAD).
     pub catalogue_number: u64,
-    /// When the elements hold best.
+    /// Epoch of the elements.
     pub epoch: GpsTime,
     /// Mean motion of the elements, rad/s.
     pub mean_motion_rps: f64,
@@ -140,11 +140,11 @@ pub fn parse(text: &str, file: &str) -> Result<Vec<Tle>, ReadError> {
     }
 }
 
-/// What an element set is.
+/// Format of an element set.
 const RIGHT: &str = "an element set is two lines of 69 columns that start with 1 and 2 and end with their checksums";
 
 fn satellite(name: Option<&str>, first: &Line, second: &Line) -> Result<Tle, ReadError> {
-    // What the crate takes for granted.
+    // The crate requires these.
     for line in [first, second] {
         let digit = line.text.as_bytes().get(68).is_some_and(u8::is_ascii_digit);
         if line.text.len() != 69 || !line.text.is_ascii() || !digit {
@@ -256,7 +256,7 @@ mod tests {
         for (text, message) in cases {
             let error = parse(&text, "active.tle").unwrap_err().to_string();
             assert!(error.starts_with("reading TLE active.tle, line "), "{error}");
-            assert!(error.contains(message), "'{error}' should say '{message}'");
+            assert!(error.contains(message), "'{error}' should contain '{message}'");
         }
     }
 

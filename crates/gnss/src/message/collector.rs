@@ -1,14 +1,14 @@
 //! From the pages of all satellites to navigation data.
 
 use super::lnav::{
-    Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, Message, Subframe, Subframe1, Subframe2,
+    Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, LnavMessage, Subframe, Subframe1, Subframe2,
     Subframe3, assemble, resolve_week,
 };
 use super::{Content, sbas};
 use crate::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
-/// What a page brought.
+/// New data from a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Update {
     /// A new ephemeris of this satellite.
@@ -47,7 +47,7 @@ pub struct NavigationCollector {
     almanacs: BTreeMap<Sv, Almanac>,
     health: BTreeMap<Sv, u8>,
     /// By satellite and message type.
-    sbas: BTreeMap<Sv, BTreeMap<u8, sbas::Message>>,
+    sbas: BTreeMap<Sv, BTreeMap<u8, sbas::SbasMessage>>,
 }
 
 impl Default for NavigationCollector {
@@ -71,7 +71,7 @@ impl NavigationCollector {
         }
     }
 
-    /// Takes what a page of a satellite says, and tells what is new.
+    /// Takes a page of a satellite, and gives what is new.
     pub fn add(&mut self, sv: Sv, content: &Content) -> Option<Update> {
         match content {
             Content::Lnav(subframe) => self.add_subframe(sv, subframe),
@@ -79,7 +79,7 @@ impl NavigationCollector {
                 self.sbas
                     .entry(sv)
                     .or_default()
-                    .insert(message.kind, sbas::Message::clone(message));
+                    .insert(message.kind, sbas::SbasMessage::clone(message));
                 Some(Update::Sbas(sv, message.kind))
             }
         }
@@ -88,30 +88,30 @@ impl NavigationCollector {
     fn add_subframe(&mut self, sv: Sv, subframe: &Subframe) -> Option<Update> {
         let parts = self.parts.entry(sv).or_default();
         match subframe.message() {
-            Message::Clock(clock) => {
+            LnavMessage::Clock(clock) => {
                 let week = resolve_week(clock.week.into(), 10, self.reference_week);
                 self.newest = Some(GpsTime::from_week_tow(week, subframe.tow()));
                 self.health.insert(sv, clock.health);
                 parts.clock = Some((clock, subframe.tow()));
             }
-            Message::Orbit(orbit) => parts.orbit = Some(orbit),
-            Message::Orientation(orientation) => parts.orientation = Some(orientation),
-            Message::Almanac(almanac) => return self.add_almanac(almanac),
-            Message::IonosphereUtc(page) => {
+            LnavMessage::Orbit(orbit) => parts.orbit = Some(orbit),
+            LnavMessage::Orientation(orientation) => parts.orientation = Some(orientation),
+            LnavMessage::Almanac(almanac) => return self.add_almanac(almanac),
+            LnavMessage::IonosphereUtc(page) => {
                 self.data.ionosphere = Some(page.klobuchar);
                 self.page_18 = Some(page);
                 self.resolve_utc();
                 return Some(Update::IonosphereUtc);
             }
-            Message::Health1To24(page) => return self.add_health(1, &page.health),
-            Message::Health25To32(page) => return self.add_health(25, &page.health),
-            Message::Other(_) => return None,
+            LnavMessage::Health1To24(page) => return self.add_health(1, &page.health),
+            LnavMessage::Health25To32(page) => return self.add_health(25, &page.health),
+            LnavMessage::Other(_) => return None,
         }
         self.resolve_utc();
         self.complete(sv)
     }
 
-    /// What is known so far.
+    /// Navigation data so far.
     pub fn data(&self) -> &NavigationData {
         &self.data
     }
@@ -127,9 +127,9 @@ impl NavigationCollector {
         &self.health
     }
 
-    /// The newest message of each type that an SBAS satellite sent, by type: corrections as they were sent,
-    /// applied to nothing.
-    pub fn sbas(&self, sv: Sv) -> impl Iterator<Item = &sbas::Message> {
+    /// The newest message of each type that an SBAS satellite sent, by type: corrections as they were sent;
+    /// they are not applied.
+    pub fn sbas(&self, sv: Sv) -> impl Iterator<Item = &sbas::SbasMessage> {
         self.sbas.get(&sv).into_iter().flat_map(BTreeMap::values)
     }
 
@@ -138,7 +138,7 @@ impl NavigationCollector {
         self.sbas.keys().copied()
     }
 
-    /// Weeks modulo 256 of the UTC parameters mean nothing before a subframe 1 has told the week.
+    /// Weeks modulo 256 of the UTC parameters are ambiguous before a subframe 1 has given the week.
     fn resolve_utc(&mut self) {
         if let (Some(page), Some(newest)) = (&self.page_18, self.newest) {
             self.data.utc = Some(page.utc(newest.week()));
@@ -185,7 +185,7 @@ mod tests {
     use crate::navigation_data::UtcParameters;
     use crate::orbit::broadcast::sample_ephemeris;
 
-    fn received(id: u8, tow: f64, message: &Message) -> Content {
+    fn received(id: u8, tow: f64, message: &LnavMessage) -> Content {
         let header = Header::new(id, tow);
         let words = decode_words(&encode_subframe(&header, message).unwrap(), 0).unwrap();
         Content::Lnav(Subframe { start_index: 0, inverted: false, header, words })
@@ -193,9 +193,9 @@ mod tests {
 
     fn frame(eph: &Ephemeris, tow: f64) -> [Content; 3] {
         [
-            received(1, tow, &Message::Clock(Subframe1::new(eph, 2190))),
-            received(2, tow + 6.0, &Message::Orbit(eph.into())),
-            received(3, tow + 12.0, &Message::Orientation(eph.into())),
+            received(1, tow, &LnavMessage::Clock(Subframe1::new(eph, 2190))),
+            received(2, tow + 6.0, &LnavMessage::Orbit(eph.into())),
+            received(3, tow + 12.0, &LnavMessage::Orientation(eph.into())),
         ]
     }
 
@@ -240,7 +240,7 @@ mod tests {
             beta: [2048.0; 4].map(|b| b * 32.0),
         };
         let mut collector = NavigationCollector::default();
-        let page = Message::IonosphereUtc(IonosphereUtc::new(klobuchar, &utc));
+        let page = LnavMessage::IonosphereUtc(IonosphereUtc::new(klobuchar, &utc));
         assert_eq!(
             collector.add(eph.sv, &received(4, 511_218.0, &page)),
             Some(Update::IonosphereUtc)
@@ -251,10 +251,10 @@ mod tests {
         assert_eq!(collector.data().utc, Some(utc));
         let mut health = [0; 24];
         health[10] = 63;
-        let page = Message::Health1To24(Health1To24 { toa: 0.0, week_a: 0, health });
+        let page = LnavMessage::Health1To24(Health1To24 { toa: 0.0, week_a: 0, health });
         assert_eq!(collector.add(eph.sv, &received(5, 511_254.0, &page)), Some(Update::Health));
         assert_eq!(collector.health()[&Sv::from_prn(11).unwrap()], 63);
-        let page = Message::Almanac(Almanac::new(&eph, GpsTime::from_week_tow(2191, 4096.0)));
+        let page = LnavMessage::Almanac(Almanac::new(&eph, GpsTime::from_week_tow(2191, 4096.0)));
         let update = collector.add(Sv::from_prn(2).unwrap(), &received(5, 511_284.0, &page));
         assert_eq!(update, Some(Update::Almanac(eph.sv)));
         assert_eq!(collector.almanacs()[&eph.sv].toa, 4096.0);

@@ -47,7 +47,7 @@ const BRANCHES: [[i8; 2]; STATES] = {
     branches
 };
 
-/// What systems do differently with the output of G2.
+/// Polarity of the output of G2, which differs between systems.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SecondOutput {
     /// Sent as it is: SBAS, GPS CNAV.
@@ -148,7 +148,7 @@ impl Viterbi {
     /// Decision depth, bits.
     pub const DELAY: usize = 64;
 
-    /// A decoder that has seen nothing and holds every state for equally likely.
+    /// A decoder without symbols: every state is equally likely.
     pub fn new(second: SecondOutput) -> Self {
         Self { second, metrics: [0.0; STATES], survivors: [0; Self::DELAY], steps: 0 }
     }
@@ -265,7 +265,7 @@ mod tests {
             assert_eq!(decode_block(&vec![1.0; length], SecondOutput::Upright), []);
         }
         assert_eq!(decode_block(&[1.0; 15], SecondOutput::Upright), [false]);
-        // A burst of the largest symbols is forgotten within the depth.
+        // A burst of the largest symbols has no effect beyond the depth.
         let (bits, symbols) = noisy(1_000, 8.0, SecondOutput::Upright, 3);
         let mut viterbi = Viterbi::new(SecondOutput::Upright);
         for symbol in [f32::INFINITY, f32::NAN, f32::MAX, f32::MIN, f32::MAX, 0.0] {

@@ -10,11 +10,11 @@ pub use collector::{NavigationCollector, Update};
 
 /// Finds the pages of a navigation message in the symbols of one signal of one satellite.
 pub trait MessageDecoder: Send {
-    /// Takes the next symbol and gives a page that is complete and trusted with it, if there is one.
+    /// Takes the next symbol and gives the page that it completes, if any.
     ///
     /// The symbol is soft: its sign is the decision (positive is logical 0, or 1 when the Costas loop is
-    /// upside down), its magnitude the confidence, in any unit that stays the same. `index` counts the
-    /// symbols of the caller; where it jumps, symbols were lost and the search starts afresh.
+    /// locked half a cycle off), its magnitude the confidence, in any unit that stays the same. `index` counts the
+    /// symbols of the caller; where it jumps, symbols were lost and the search starts again.
     fn push(&mut self, symbol: f32, index: u64) -> Option<Page>;
 }
 
@@ -24,17 +24,17 @@ pub struct Page {
     /// Index of its first symbol, as the caller counts.
     pub start_index: u64,
     /// Time of week of the transmission of its first symbol, s, in the time of the system that sends it,
-    /// where the page tells it.
+    /// where the page gives it.
     pub tow_s: Option<f64>,
-    /// What it says.
+    /// Contents.
     pub content: Content,
 }
 
-/// What a page says, by the kind of navigation message.
+/// Contents of a page, by the kind of navigation message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// A subframe of the legacy message of GPS and QZSS.
     Lnav(lnav::Subframe),
     /// A message of SBAS L1.
-    Sbas(Box<sbas::Message>),
+    Sbas(Box<sbas::SbasMessage>),
 }

@@ -1,4 +1,4 @@
-//! Broadcast ephemeris and what follows from it: satellite position, velocity and clock.
+//! Broadcast ephemeris, and satellite position, velocity and clock by it.
 
 use crate::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F};
 use crate::{Constellation, GpsTime, Sv};
@@ -70,10 +70,11 @@ pub struct Ephemeris {
     pub cis: f64,
 }
 
-/// Where a satellite is and how its clock stands, at one instant of GPS time.
+/// Position, velocity and clock of a satellite at one instant of GPS time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SatelliteState {
-    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see [`Propagation`](super::Propagation)).
+    /// Antenna position, m, ECEF of the instant itself (for the signal's flight see
+    /// [`Propagation`](super::Propagation)).
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, in the rotating ECEF frame.
     pub velocity_mps: Vector3<f64>,
@@ -172,8 +173,8 @@ pub fn ura_metres(index: u8) -> f64 {
     URA_BOUNDS.get(usize::from(index)).copied().unwrap_or(6144.0)
 }
 
-/// Index of a user range accuracy in m: the least whose bound is not below it, so that files which print
-/// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) read alike; 15 beyond.
+/// Index of a user range accuracy in m: the smallest whose bound is not below it, so that files which print
+/// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) give the same; 15 beyond.
 pub fn ura_index(metres: f64) -> u8 {
     URA_BOUNDS.iter().position(|&bound| metres <= bound).unwrap_or(15) as u8
 }

@@ -1,7 +1,6 @@
-//! The orbit of a satellite, from whatever source, and the path of its signal.
+//! The orbit of a satellite, from any source, and the propagation of its signal.
 //!
-//! An [`Orbit`] is what [`NavigationData::orbit`](super::NavigationData::orbit) found good for a satellite at
-//! a time; all that positions satellites takes one.
+//! [`NavigationData::orbit`](super::NavigationData::orbit) gives the valid [`Orbit`] of a satellite at a time.
 
 pub mod broadcast;
 pub mod precise;
@@ -55,7 +54,7 @@ impl Orbit<'_> {
 /// Why there is no orbit to use for a satellite at a time.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoOrbit {
-    /// Nothing is known of the satellite.
+    /// No orbit of the satellite is known.
     #[error("no ephemeris")]
     Unknown,
     /// The nearest ephemeris is this many hours away.

@@ -5,11 +5,11 @@
 //! and last intervals), by Neville's recursion, which gives the velocity as the exact derivative. Clocks
 //! are interpolated linearly. Tabulated clocks lack the relativistic effect of the orbit's eccentricity,
 //! `-2 r.v/c^2` (IS-GPS-200N 20.3.3.3.3.1), and hold for the ionosphere-free pair of P codes: both
-//! are put right for an L1 C/A user here, the latter by the broadcast T_GD.
+//! are corrected for an L1 C/A user here, the latter by the broadcast T_GD.
 //!
 //! Positions are those of the centre of mass. The antenna lies up to 2.5 m towards the Earth from it (about
-//! 1 m in Block IIA), which acts on all ranges nearly alike, as the receiver's clock does; what is left of
-//! it between satellites of different blocks stands in [`PreciseArc::range_sigma_m`].
+//! 1 m in Block IIA), which acts on all ranges nearly equally, as the receiver's clock does; the
+//! difference between satellites of different blocks is in [`PreciseArc::range_sigma_m`].
 
 use crate::constants::{MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use crate::{GpsTime, SatelliteState};

@@ -1,8 +1,8 @@
-//! What a satellite sends, as its interface specification has it: data, and no behaviour beyond arithmetic.
+//! Signals by their interface specifications: data, and no behaviour beyond arithmetic.
 //!
 //! A signal is one `static` in one file, registered in [`ALL`]; a [`Transmission`] is a satellite and one of
-//! its signals. Everything that a receiver must know of a signal is here: no other room names a chip rate, a
-//! code length, a carrier or the length of a symbol.
+//! its signals. All properties of a signal are here: no other module contains a chip rate, a code
+//! length, a carrier or the length of a symbol.
 
 mod ca_code;
 mod gps_l1_ca;
@@ -27,7 +27,7 @@ pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_CENTRE_HZ;
 /// All signals that are known; the first of a constellation is the default of its satellites.
 pub static ALL: [&Signal; 3] = [&GPS_L1_CA, &QZSS_L1_CA, &SBAS_L1];
 
-/// A signal, the same of all satellites that send it but for the code. Signals are told apart by their names.
+/// A signal, the same of all satellites that send it but for the code. Signals are distinguished by their names.
 #[derive(Debug)]
 pub struct Signal {
     /// Name, unlike that of any other signal.
@@ -45,7 +45,7 @@ pub struct Signal {
     /// One period of the primary code of the satellite of this number as chips +1 (logical 0) and -1 (logical
     /// 1); none of a number that does not send the signal.
     pub code: fn(u8) -> Option<Box<[i8]>>,
-    /// What a chip is multiplied with.
+    /// Subcarrier of the chips.
     pub modulation: Modulation,
     /// Secondary code.
     pub overlay: Overlay,
@@ -237,13 +237,13 @@ pub struct SymbolTiming {
 }
 
 impl SymbolTiming {
-    /// Code periods of a coherent sum of so many milliseconds: one at least, and one symbol at most.
+    /// Code periods of a coherent sum of so many milliseconds: at least one, and at most one symbol.
     pub fn coherent_periods(&self, coherent_ms: usize) -> usize {
         ((coherent_ms as f64 * 1e-3 / self.period_s).round() as usize).clamp(1, self.cycle)
     }
 }
 
-/// A code as it arrives: its rate follows the Doppler of the carrier.
+/// A code as received: its rate follows the Doppler of the carrier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CodeClock {
     /// Chips a second.

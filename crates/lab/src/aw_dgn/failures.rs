@@ -1,4 +1,4 @@
-//! Where AW-DGN-BT does not come to the optimum, and what variable projection with restarts does there: few
+//! Cases in which AW-DGN-BT does not converge to the optimum, compared with variable projection with restarts: few
 //! satellites, low orbits at their true speed, receivers above the ground.
 
 use super::geometry::{Shell, observe, scaled_down};
@@ -31,7 +31,7 @@ const USERS_KM: [f64; 12] =
 /// Elevation mask, rad.
 const MASK: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// A random place and what is in view of it.
+/// A random receiver and the satellites in view of it.
 struct Draw {
     receiver_m: Vector3<f64>,
     satellites: Vec<Satellite>,
@@ -43,12 +43,12 @@ impl Draw {
     fn new(rng: &mut ChaCha8Rng, shell: &Shell, count: usize, height_m: f64) -> Self {
         loop {
             let latitude = rng.random_range(-55f64.to_radians().sin()..55f64.to_radians().sin());
-            let place = Geodetic {
+            let position = Geodetic {
                 latitude: latitude.asin(),
                 longitude: rng.random_range(-180f64..180.0).to_radians(),
                 height: height_m,
             };
-            let receiver_m = place.to_ecef();
+            let receiver_m = position.to_ecef();
             let in_view = shell.in_view(rng.random_range(0.0..86_400.0), &receiver_m, MASK);
             let all: Vec<Satellite> = in_view.into_iter().map(|(_, s)| s).collect();
             let wanted = if count == 0 { all.len() } else { count };
@@ -91,13 +91,13 @@ struct Row {
     tallies: Vec<[Tally; 2]>,
 }
 
-/// The map of the shares of runs whose answer, or one of whose named alternatives, is the optimum.
+/// The map of the fraction of runs whose solution, or one of its alternatives, is the optimum.
 fn map(name: &str, title: &str, x_axis: &str, x: &[f64], rows: &[Row]) -> HeatMap {
     let line = |row: &Row, solver: usize| {
-        let share = |t: &[Tally; 2]| {
+        let fraction = |t: &[Tally; 2]| {
             100.0 * (t[solver].right + t[solver].named) as f64 / t[solver].runs as f64
         };
-        (format!("{}: {}", row.label, NAMES[solver]), row.tallies.iter().map(share).collect())
+        (format!("{}: {}", row.label, NAMES[solver]), row.tallies.iter().map(fraction).collect())
     };
     let (rows, values) = rows.iter().flat_map(|row| [line(row, 0), line(row, 1)]).unzip();
     HeatMap {
@@ -124,7 +124,7 @@ pub struct Failures {
     pub in_orbit: [Tally; 2],
 }
 
-/// Draws `runs` cases for each cell; `progress` is told the share that is done.
+/// Draws `runs` cases for each cell; `progress` is given the fraction that is done.
 pub fn run(runs: u64, progress: &(dyn Fn(f64) + Sync)) -> Failures {
     let km = |h: f64| EARTH_RADIUS + 1e3 * h;
     let scaled = RowKind::ALL.iter().flat_map(|&observable| {

@@ -1,5 +1,5 @@
-//! Where satellites and receivers are: Walker shells, receivers on the ground, orbits brought down along the
-//! line of sight, and what is observed.
+//! Satellites and receivers: Walker shells, receivers on the ground, orbits brought down along the line of sight,
+//! and observations.
 
 use nalgebra::Vector3;
 use sdr_rx::gnss::constants::{EARTH_RADIUS, OMEGA_EARTH};
@@ -25,7 +25,7 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// Galileo as the paper has it: 24/3/1, 56 deg, 29 600 km.
+    /// Galileo in the paper: 24/3/1, 56 deg, 29 600 km.
     pub const GALILEO: Self =
         Self { satellites: 24, planes: 3, phasing: 1, inclination_deg: 56.0, radius_m: 29.6e6 };
     /// GPS-like: 24/6/1, 55 deg, 26 560 km.
@@ -53,12 +53,12 @@ impl Shell {
         let (plane, slot) =
             (k / (self.satellites / self.planes), k % (self.satellites / self.planes));
         let turn = std::f64::consts::TAU;
-        let share = |a: u32, b: u32| f64::from(a) / f64::from(b);
+        let ratio = |a: u32, b: u32| f64::from(a) / f64::from(b);
         let rate = (MU / self.radius_m.powi(3)).sqrt();
-        let phase = share(slot, self.satellites / self.planes)
-            + share(plane * self.phasing, self.satellites);
+        let phase = ratio(slot, self.satellites / self.planes)
+            + ratio(plane * self.phasing, self.satellites);
         let (sin_u, cos_u) = (turn * phase + rate * t).sin_cos();
-        let (sin_o, cos_o) = (turn * share(plane, self.planes) - OMEGA_EARTH * t).sin_cos();
+        let (sin_o, cos_o) = (turn * ratio(plane, self.planes) - OMEGA_EARTH * t).sin_cos();
         let (sin_i, cos_i) = self.inclination_deg.to_radians().sin_cos();
         let turned = |x: f64, y: f64| {
             let (y, z) = (y * cos_i, y * sin_i);

@@ -1,9 +1,9 @@
-//! The figures and tables of the paper on AW-DGN-BT (NAVIGATION 73, 2026, navi.734), made again, and maps of
-//! where it fails.
+//! The figures and tables of the paper on AW-DGN-BT (NAVIGATION 73, 2026, navi.734), reproduced, and maps of
+//! its failures.
 //!
 //! Figs. 2 and 3 and Table 2: five satellites over Turin brought down to a hundred heights, iterations of ADGN
 //! and AW-DGN for each first damping. Figs. 5 and 6 and Table 3: three sites under Galileo for ten hours. The
-//! Turin geometry is ours, as the paper does not give its own; its noise is not given either.
+//! geometry of Turin is not the paper's, which gives neither geometry nor noise.
 
 mod failures;
 mod geometry;
@@ -23,7 +23,7 @@ use tally::Tally;
 /// First dampings of Figs. 2 and 3.
 const DAMPINGS: [f64; 8] = [0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.0];
 
-/// How thorough to be.
+/// Amount of work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AwDgnEffort {
     /// Time between epochs at the three sites, s; the paper has 60 or 10.
@@ -39,7 +39,7 @@ impl AwDgnEffort {
     pub const QUICK: Self = Self { interval_s: 1200.0, draws: 100 };
 }
 
-/// What became of some solvers at every height, by one observable at one place.
+/// Outcomes of some solvers at every height, by one observable at one site.
 struct Series {
     observable: RowKind,
     place: &'static str,
@@ -73,7 +73,7 @@ impl Series {
     }
 }
 
-/// What became of a solver over all heights.
+/// Outcomes of a solver over all heights.
 #[derive(Clone, Copy, Debug, Default)]
 struct Summary {
     all: Tally,
@@ -93,7 +93,7 @@ impl Summary {
     }
 }
 
-/// Makes the figures, tables and maps; `progress` is told the share that is done, 0 to 1.
+/// Makes the figures, tables and maps; `progress` is given the fraction that is done, 0 to 1.
 pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
     let turin = Study::turin();
     let dampings = DAMPINGS.iter().flat_map(|&mu0| [Solver::Adgn(mu0), Solver::AwDgn(mu0)]);
@@ -117,7 +117,7 @@ pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
         })
         .collect();
     progress(0.5);
-    let failures = failures::run(effort.draws, &|share| progress(0.5 + 0.5 * share));
+    let failures = failures::run(effort.draws, &|done| progress(0.5 + 0.5 * done));
 
     let mut maps: Vec<HeatMap> = turin
         .iter()
@@ -138,7 +138,7 @@ pub fn run(effort: AwDgnEffort, progress: &(dyn Fn(f64) + Sync)) -> Findings {
     Findings { maps, tables, claims, ..Findings::default() }
 }
 
-/// A line for each place, observable and solver.
+/// A line for each site, observable and solver.
 fn table(series: &[Series]) -> String {
     let mut text = String::from(
         "place,observable,solver,runs,right,converged elsewhere,heights all right,mean iterations,most iterations\n",
@@ -201,10 +201,10 @@ fn claims(
         .iter()
         .map(|s| 100.0 * s.all.wrong as f64 / s.all.runs as f64)
         .fold(0.0, f64::max);
-    let share = |t: &Tally| format!("{:.1}", 100.0 * t.share());
+    let percent = |t: &Tally| format!("{:.1}", 100.0 * t.fraction());
     let shell = |rows: &[(usize, [Tally; 2])], solver: usize| {
-        let shares: Vec<String> = rows.iter().map(|(_, t)| share(&t[solver])).collect();
-        format!("{} % of runs", shares.join(", "))
+        let percents: Vec<String> = rows.iter().map(|(_, t)| percent(&t[solver])).collect();
+        format!("{} % of runs", percents.join(", "))
     };
     let found = |rows: &[(usize, [Tally; 2])]| {
         rows.iter().all(|(n, t)| {
@@ -280,7 +280,7 @@ fn claims(
         ),
         claim(
             "text",
-            "what has converged is the receiver's place: ADGN-BT, pseudorange",
+            "solutions that converged are the receiver's position: ADGN-BT, pseudorange",
             "yes",
             format!("up to {bt_wrong:.0} % of runs at false minima"),
             bt_wrong == 0.0,
@@ -319,7 +319,7 @@ fn claims(
         ),
         claim(
             "ours",
-            "variable projection finds the place, 550 km, or names it beside another",
+            "variable projection finds the position, 550 km, or gives it as an alternative",
             "",
             shell(&failures.starlink, 1),
             found(&failures.starlink),
@@ -335,8 +335,8 @@ fn claims(
             "ours",
             "receivers in orbit at 300 and 500 km: AW-DGN-BT, variable projection",
             "",
-            failures.in_orbit.iter().map(|t| share(t) + " %").collect::<Vec<_>>().join(", "),
-            failures.in_orbit[1].share() >= 0.999,
+            failures.in_orbit.iter().map(|t| percent(t) + " %").collect::<Vec<_>>().join(", "),
+            failures.in_orbit[1].fraction() >= 0.999,
         ),
     ]
 }

@@ -31,7 +31,7 @@ pub const SITES: [(&str, [f64; 3]); 3] = [
     ("Longyearbyen", [78.22894, 15.39493, 0.0]),
     ("Shanghai", [31.14274, 121.80411, 5.0]),
 ];
-/// Turin, where the paper shows the first dampings, m ECEF.
+/// Turin, the site of the paper's first dampings, m ECEF.
 const TURIN: Vector3<f64> = Vector3::new(4_472_425.929, 601_429.172, 4_492_704.238);
 /// Elevation mask, rad.
 const MASK: f64 = 5.0 * std::f64::consts::PI / 180.0;
@@ -54,8 +54,8 @@ impl Study {
     }
 
     /// A site under Galileo for ten hours, with an epoch every `interval_s`.
-    pub fn site(place: [f64; 3], interval_s: f64) -> Self {
-        let receiver_m = Geodetic::from_degrees(place[0], place[1], place[2]).to_ecef();
+    pub fn site(site: [f64; 3], interval_s: f64) -> Self {
+        let receiver_m = Geodetic::from_degrees(site[0], site[1], site[2]).to_ecef();
         let count = (36_000.0 / interval_s) as u32;
         let epochs = (0..count)
             .map(|k| Shell::GALILEO.in_view(interval_s * f64::from(k), &receiver_m, MASK));
@@ -87,7 +87,7 @@ impl Study {
     }
 }
 
-/// An error of unit variance that anyone can compute again.
+/// A reproducible error of unit variance.
 fn wave(satellite: u32, epoch: usize, height: usize) -> f64 {
     let angle =
         1.0 + 12.9898 * f64::from(satellite) + 78.233 * epoch as f64 + 37.719 * height as f64;

@@ -1,4 +1,4 @@
-//! How often a solver comes to the least-squares optimum, and in how many iterations.
+//! Counts of runs of a solver that converge to the least-squares optimum, and their iterations.
 
 use nalgebra::Vector3;
 use sdr_rx::position::solver::aw_dgn_bt::{Damping, iterate};
@@ -9,16 +9,16 @@ use std::ops::AddAssign;
 /// A solution this near the optimum is the optimum, m.
 const SAME_M: f64 = 1.0;
 
-/// What became of some runs.
+/// Outcomes of some runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Runs.
     pub runs: usize,
     /// Runs that ended at the optimum.
     pub right: usize,
-    /// Runs that ended elsewhere, and said that another place fits as well, which is the optimum.
+    /// Runs that ended elsewhere, with the optimum among their alternatives.
     pub named: usize,
-    /// Runs that converged elsewhere and did not say so.
+    /// Runs that converged elsewhere without alternatives.
     pub wrong: usize,
     /// Linearisations of the right ones.
     pub iterations: usize,
@@ -27,8 +27,8 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Share of right runs.
-    pub fn share(&self) -> f64 {
+    /// Fraction of right runs.
+    pub fn fraction(&self) -> f64 {
         self.right as f64 / self.runs as f64
     }
 
@@ -65,7 +65,7 @@ pub fn judge(solvers: &[Solver], rows: &[Row], truth: &Vector3<f64>, sigma: f64)
         optimum.is_some_and(|o| (state.position_m - o.state.position_m).norm() < SAME_M)
     };
     let one = |solver: &Solver| {
-        // The paper's solvers weigh all rows alike, and floors of theirs are in m.
+        // The paper's solvers weight all rows equally, and their thresholds are in m.
         let solved = match solver {
             Solver::Vp | Solver::VpOnce => solver.solve(&weighted, |_| ()),
             _ => solver.solve(rows, |_| ()),

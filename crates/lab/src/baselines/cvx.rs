@@ -1,5 +1,5 @@
 //! CVX-l1,1 and CVX-l2,1: the convex problems as second-order cone programs, solved by an interior-point
-//! method (Clarabel in the place of CVX).
+//! method (Clarabel instead of CVX).
 //!
 //! min gamma sum t_l + sum s_m with |row l of X| <= t_l and |row m of Y - A X| <= s_m: each row of X and of the
 //! residual, its real and imaginary parts in one vector, lies in one second-order cone. Of a single snapshot

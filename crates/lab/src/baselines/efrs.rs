@@ -32,7 +32,7 @@ pub fn efrs(a: &CMat, y: &CMat, gamma: f64, iterations: usize) -> Result<CMat, S
     let mut inverse_d = vec![1.0; l + m];
     for _ in 0..iterations {
         let weighted = scale_rows(&b_adjoint, &inverse_d);
-        // A share of rounding on the diagonal keeps it positive when rows of both X and E vanish.
+        // A term of the order of rounding on the diagonal keeps it positive when rows of both X and E vanish.
         let mut gram = b_adjoint.adjoint() * &weighted;
         let floor = 1e-13 * gram.norm_max();
         (0..m).for_each(|k| gram[(k, k)] += floor);

@@ -8,10 +8,10 @@ use super::{Claim, Measured};
 use sdr_rx::network::info;
 use sdr_rx::network::scene::SATELLITES;
 
-/// A difference of iterations that counts, of the larger.
+/// A significant difference of iterations, relative to the larger.
 const CLEAR: f64 = 0.05;
 
-/// Each claim of the paper, and of network averages, with what came out here.
+/// Each claim of the paper, and of network averages, with the results here.
 pub fn claims(measured: &Measured) -> Vec<Claim> {
     let mut claims = filter(measured);
     claims.extend(convergence(measured));

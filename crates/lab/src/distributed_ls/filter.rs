@@ -18,7 +18,7 @@ const RELAXATION: f64 = 1.6;
 /// rho of the average.
 const INFO_RHO: f64 = 3.0;
 
-/// How the nodes keep up with the centre: iterations an epoch, warm.
+/// How the nodes keep up with the centre: iterations an epoch, each from the last state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Keeping {
     /// The paper's iterations, rho growing with the data, u shrinking with it.
@@ -43,12 +43,12 @@ impl Keeping {
     }
 }
 
-/// What the filters did.
+/// Results of the filters.
 #[derive(Clone, Debug)]
 pub struct Filtered {
     /// At each epoch, the largest |error| / (3 sigma) of the centre's filter.
     pub errors: Vec<f64>,
-    /// Share of all errors beyond 3 sigma; 0.0027 of normal ones.
+    /// Fraction of all errors beyond 3 sigma; 0.0027 of normal ones.
     pub outside: f64,
     /// The largest sigma of the first and of the last epoch, m.
     pub sigma: [f64; 2],
@@ -76,7 +76,7 @@ pub fn below_one_from(values: &[f64]) -> Option<usize> {
 /// Filters these many epochs of a scene.
 ///
 /// # Errors
-/// [`NetworkError::Singular`] when a satellite is seen by nobody at the first.
+/// [`NetworkError::Singular`] when a satellite is in view of no station at the first.
 pub fn filter(scene: &StationScene, epochs: usize, seed: u64) -> Result<Filtered, NetworkError> {
     let datum = Datum::Observed;
     let mut rng = SplitMix64::new(seed);
@@ -119,7 +119,7 @@ pub fn filter(scene: &StationScene, epochs: usize, seed: u64) -> Result<Filtered
     let behind_plot = LinePlot {
         name: "fig8_distributed".into(),
         title: "The same filtered by 110 nodes: farthest node from the centre".into(),
-        axes: ["time (h)".into(), "deviation (3 sigma)".into()],
+        axes: ["time (h)".into(), "difference (3 sigma)".into()],
         log: [false, true],
         curves: Keeping::ALL
             .iter()

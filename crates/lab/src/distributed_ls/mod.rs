@@ -1,9 +1,10 @@
 //! The experiment of Khodabandeh & Teunissen, "Distributed least-squares estimation applied to GNSS networks"
-//! (Meas. Sci. Technol. 30 (2019) 044005), figures 8 to 11, on a made network of the same size: 110 stations,
+//! (Meas. Sci. Technol. 30 (2019) 044005), figures 8 to 11, on a simulated network of the same size: 110 stations,
 //! 118 links, nine constraint nodes.
 //!
-//! Stations, links and satellites are ours (see [`scene`](sdr_rx::network::scene)), so that shapes and orders are compared, not values.
-//! Our reading of figure 8: the errors of a centre's filter over 2.5 h stay within 3 sigma, and the nodes' filter
+//! Stations, links and satellites are not the paper's (see [`scene`](sdr_rx::network::scene)), so that shapes and
+//! orders of magnitude are compared, not values. Interpretation of figure 8: the errors of a centre's filter over
+//! 2.5 h stay within 3 sigma, and the nodes' filter
 //! keeps up with it by a few iterations an epoch.
 
 mod claims;
@@ -25,12 +26,12 @@ use settings::Setting;
 use std::fmt::Write;
 use way::{Epoch, Way, count};
 
-/// How thorough to be.
+/// Amount of work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistributedLsEffort {
-    /// Networks over which is counted.
+    /// Number of networks.
     pub networks: u64,
-    /// Most iterations of a way.
+    /// Maximum number of iterations.
     pub limit: usize,
     /// Epochs of the filters.
     pub epochs: usize,
@@ -43,7 +44,7 @@ impl DistributedLsEffort {
     pub const QUICK: Self = Self { networks: 2, limit: 1200, epochs: 30 };
 }
 
-/// All that was measured.
+/// All results.
 struct Measured {
     effort: DistributedLsEffort,
     filtered: Filtered,
@@ -58,7 +59,7 @@ struct Measured {
     sigma: [f64; 2],
 }
 
-/// Makes figures, tables and verdicts; `progress` is told the share that is done, 0 to 1.
+/// Makes figures, tables and verdicts; `progress` is given the fraction that is done, 0 to 1.
 ///
 /// # Errors
 /// [`NetworkError`] of a scene that cannot be solved.

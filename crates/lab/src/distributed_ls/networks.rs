@@ -10,7 +10,7 @@ use sdr_rx::network::sim::{self, Participant};
 use sdr_rx::network::tree::TreeNode;
 use sdr_rx::network::{Constraints, Datum, Graph, NINE_NODES, NetworkError};
 
-/// What a network of 110 nodes showed.
+/// Results of a network of 110 nodes.
 #[derive(Clone, Debug)]
 pub struct Shown {
     /// Receivers of each satellite, with the iterations until all nodes have its bias within 1 mm (admm, rho 0.5,
@@ -40,7 +40,7 @@ impl Shown {
     }
 }
 
-/// Ranks from 1; those alike share their mean.
+/// Ranks from 1; equal numbers have the mean of theirs.
 fn ranks(values: Vec<usize>) -> Vec<f64> {
     let below = |value: usize| values.iter().filter(|other| **other < value).count();
     let alike = |value: usize| values.iter().filter(|other| **other == value).count();
@@ -50,7 +50,7 @@ fn ranks(values: Vec<usize>) -> Vec<f64> {
 /// Networks of 110 by these seeds.
 ///
 /// # Errors
-/// [`NetworkError::Singular`] when a satellite is seen by nobody.
+/// [`NetworkError::Singular`] when a satellite is in view of no station.
 pub fn networks(
     layout: NetworkLayout,
     count: u64,
@@ -84,7 +84,7 @@ pub const SETS: [&[usize]; 3] = [&[1, 3, 4, 9], &[1, 3, 4, 6, 9], &[1, 2, 3, 4, 
 /// seeds.
 ///
 /// # Errors
-/// [`NetworkError::Singular`] when a satellite is seen by nobody.
+/// [`NetworkError::Singular`] when a satellite is in view of no station.
 pub fn constraint_nodes(count: u64, limit: usize) -> Result<Vec<[Option<usize>; 3]>, NetworkError> {
     let one = |seed: u64| {
         let scene = StationScene::new(NetworkLayout::Nine, seed)?;
@@ -95,7 +95,7 @@ pub fn constraint_nodes(count: u64, limit: usize) -> Result<Vec<[Option<usize>; 
             epoch.constraints = Constraints::new(&Graph::new(9, &NINE_NODES)?, &hubs)?;
             for k in -8..=4 {
                 let weight = Weight::Scalar(2f64.powf(0.5 * f64::from(k)));
-                // As far as it takes to see that another rho was better: the way to its end is no more than
+                // Long enough to decide that another rho was better: convergence to the end takes no more than
                 // twice as long as that to 1 mm.
                 let far = best.map_or(limit, |best: usize| 2 * best);
                 let arrival = epoch.way(&mut epoch.admm(&weight, 1.0)?, far).millimetre();
@@ -113,7 +113,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The way that a tree takes: exchanges until every node has the centre's solution, and how exactly, m.
+/// The convergence of a tree: exchanges until every node has the centre's solution, and how exactly, m.
 ///
 /// # Errors
 /// [`NetworkError::Disconnected`].

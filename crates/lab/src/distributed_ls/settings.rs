@@ -1,4 +1,4 @@
-//! What speeds the agreement up: rho, over-relaxation, residual balancing, the weight matrix, the datum, and
+//! Rate of convergence against rho, over-relaxation, residual balancing, the weight matrix, the datum, and
 //! averaging normal equations instead of solutions.
 
 use super::way::{Epoch, Way, total};
@@ -95,7 +95,7 @@ impl fmt::Display for Setting {
 
 /// Iterations between changes of rho.
 const EVERY: usize = 10;
-/// How unequal the residuals must be for a change of rho, and how large it is.
+/// Ratio of the residuals above which rho is changed, and factor of the change.
 const UNEQUAL: f64 = 2.0;
 const CHANGE: f64 = 2.0;
 /// After this many iterations rho stays, so that the iterations converge.
@@ -103,8 +103,8 @@ const LAST: usize = 300;
 
 /// Balancing of the relative residuals (Wohlberg, arXiv 1704.06209): rho grows where |x_i - z_s| / |x_i| exceeds
 /// |change of z_s| / |u_is|, and shrinks where that exceeds. u_is is taken at its limit, the gradient
-/// (r_i - N_i x_i) / (c_i rho). Nodes would learn the largest of each in the network by max-consensus; here they
-/// are told.
+/// (r_i - N_i x_i) / (c_i rho). Nodes would find the largest of each in the network by max-consensus; here it
+/// is given.
 fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError> {
     let mut rho = start;
     let mut nodes = epoch.admm(&Weight::Scalar(rho), 1.6)?;
@@ -142,7 +142,7 @@ fn balanced(epoch: &Epoch, start: f64, limit: usize) -> Result<Way, NetworkError
     Ok(way)
 }
 
-/// How far from the solution, m, the nodes agree by figure 6 as printed, and how far they are from each other.
+/// Distance of the nodes' common value by figure 6 as printed from the solution, m, and of the nodes from each other.
 ///
 /// # Errors
 /// None that [`Setting::way`] has not.
@@ -152,5 +152,5 @@ pub fn printed(epoch: &Epoch, limit: usize) -> Result<[f64; 2], NetworkError> {
     let mut nodes = epoch.nodes(1.6, problem)?;
     let off = epoch.way(&mut nodes, limit).rest();
     let first = nodes[0].estimate().to_vec();
-    Ok([off, sdr_rx::network::sim::deviation(&nodes, &first)])
+    Ok([off, sdr_rx::network::sim::max_difference(&nodes, &first)])
 }

@@ -1,4 +1,4 @@
-//! Figure 10: from where the iterations start.
+//! Figure 10: start of the iterations.
 
 use super::way::{Epoch, Way};
 use sdr_rx::network::admm::{NodeLeastSquares, Weight};
@@ -7,14 +7,14 @@ use sdr_rx::network::{Datum, NetworkError};
 
 /// Weight of agreement of all three ways; alpha is 1.
 const RHO: f64 = 0.5;
-/// How far from the truth the second start is, m.
+/// Distance of the second start from the truth, m.
 const OFF_M: f64 = 1.0;
 
 /// The ways to the solution of an epoch from 0, from the truth + 1 m (both with u = 0), and from the solution of
 /// the epoch before with its u.
 ///
 /// # Errors
-/// [`NetworkError::Singular`] when a satellite is seen by nobody.
+/// [`NetworkError::Singular`] when a satellite is in view of no station.
 pub fn ways(scene: &StationScene, seed: u64, limit: usize) -> Result<[Way; 3], NetworkError> {
     let datum = Datum::Observed;
     let epoch = Epoch::new(scene, 1, datum, seed)?;

@@ -1,4 +1,4 @@
-//! An epoch of a network, and the way of its nodes to the solution.
+//! An epoch of a network, and the convergence of its nodes to the solution.
 
 use nalgebra::DVector;
 use sdr_rx::gnss::random::SplitMix64;
@@ -10,15 +10,15 @@ use sdr_rx::network::sim::{self, Participant};
 use sdr_rx::network::{Constraints, Datum, NetworkError, NetworkSolution, Normals};
 use sdr_rx::report::Curve;
 
-/// What counts as arrived, m.
+/// Distance of convergence, m.
 pub const ARRIVED_M: f64 = 1e-3;
-/// A way is at its end where all nodes are this near, m.
+/// Iterations stop when all nodes are this near, m.
 const END_M: f64 = 1e-5;
 
-/// An epoch's normal equations, and what a centre would compute of them.
+/// An epoch's normal equations, and a centre's solution.
 #[derive(Clone, Debug)]
 pub(super) struct Epoch {
-    /// Whose stars bind the nodes.
+    /// Constraint nodes.
     pub constraints: Constraints,
     /// Each station's.
     pub normals: Vec<Normals>,
@@ -30,7 +30,7 @@ impl Epoch {
     /// The epoch of a scene that has this number, its noise by the seed.
     ///
     /// # Errors
-    /// [`NetworkError::Singular`] when a satellite is seen by nobody.
+    /// [`NetworkError::Singular`] when a satellite is in view of no station.
     pub fn new(
         scene: &StationScene,
         number: usize,
@@ -69,7 +69,7 @@ impl Epoch {
         self.nodes(relaxation, |id| Ok(Average { own: info::pack(&self.normals[id]), rho }))
     }
 
-    /// Nodes in step, each with its problem.
+    /// Synchronous nodes, each with its problem.
     ///
     /// # Errors
     /// [`NetworkError`] of the problems, or of a relaxation out of range.
@@ -110,7 +110,7 @@ impl Epoch {
         way
     }
 
-    /// The largest deviation of any node from the centre, for each parameter; infinite where a node cannot tell.
+    /// The largest deviation of any node from the centre, for each parameter; infinite where a node has no solution.
     fn deviation<P>(&self, nodes: &[P], read: impl Fn(&P) -> Option<DVector<f64>>) -> DVector<f64> {
         let unknown = || DVector::repeat(SATELLITES, f64::INFINITY);
         let apart = |node| read(node).map_or_else(unknown, |x| (x - &self.solution.x).abs());
@@ -125,7 +125,7 @@ pub fn total(normals: &[Normals]) -> Normals {
     sum
 }
 
-/// How far the nodes were from the centre's solution after each iteration.
+/// Distance of the nodes from the centre's solution after each iteration.
 #[derive(Clone, Debug)]
 pub struct Way {
     /// Of the centre's solution.
@@ -144,7 +144,7 @@ impl Way {
         self.deviations.last().map_or(f64::INFINITY, DVector::amax)
     }
 
-    /// Goes on after another way.
+    /// Appends another run.
     pub fn extend(&mut self, other: Self) {
         self.deviations.extend(other.deviations);
     }

@@ -1,4 +1,4 @@
-//! Figure 5: LDA-l1,1 beside the methods that the paper compares it with, error against iterations.
+//! Figure 5: LDA-l1,1 and the methods that the paper compares it with, error against iterations.
 
 use super::{LdaL11Effort, Problem, mean};
 use crate::baselines::{cvx_l11, cvx_l21, dg_l21, efrs, lrma_svt};
@@ -80,13 +80,13 @@ pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Find
     let marks = |method: &Method| MARKS.iter().filter(|k| **k <= method.most).count();
     let total = METHODS.iter().map(marks).sum::<usize>() * problems.len();
     let done = AtomicUsize::new(0);
-    let tell = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / total as f64);
+    let advance = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / total as f64);
     // The conic programs are the longest: each method's marks are tasks of their own.
     let errors = |method: &Method| -> Result<Errors, SparseError> {
         let at = |iterations: usize| {
             let pairs = problems.par_iter().map(|p| {
                 let x = (method.solve)(p, iterations)?;
-                tell();
+                advance();
                 Ok([nmse(&x, &p.truth), nmse(&(&p.a * &x), &(&p.a * &p.truth)), l21(p, &x)])
             });
             let all = pairs.collect::<Result<Vec<[f64; 3]>, SparseError>>()?;
@@ -98,7 +98,7 @@ pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Find
         let mut curves =
             [0, 1].map(|which| points.iter().map(|(k, e)| (*k, e[which])).collect::<Vec<_>>());
         if method.most == 1 {
-            // No iterations to speak of: a level.
+            // Without iterations: a constant level.
             curves.iter_mut().for_each(|c| c.push((10_000.0, c[0].1)));
         }
         let [x, ax] = curves;
@@ -143,7 +143,7 @@ fn claims(errors: &[Errors]) -> Vec<Claim> {
         ours: format!("{:.1e} {sign} {:.1e}", ours[0], ours[1]),
         holds,
     };
-    let near = |a: f64, b: f64, share: f64| (a / b - 1.0).abs() < share;
+    let near = |a: f64, b: f64, relative: f64| (a / b - 1.0).abs() < relative;
     vec![
         claim("NMSE of LDA-l1,1", "1.4e-3", [lda[0], 1.4e-3], "for", near(lda[0], 1.4e-3, 0.3)),
         claim(

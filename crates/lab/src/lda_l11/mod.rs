@@ -1,8 +1,8 @@
-//! Figures 2 to 5 of the paper on JANE (IEEE TVT 72(5), 2023), made again on its scene.
+//! Figures 2 to 5 of the paper on JANE (IEEE TVT 72(5), 2023), reproduced on its scene.
 //!
 //! NMSE of LDA-l1,1 against gamma, eta and mu, and the comparison with the other methods; every curve is a mean
 //! over seeds. The paper gives its curves as plots: the figures taken from it are the ends of the range in
-//! which the error stays below 5e-3, and the place and height of the minimum.
+//! which the error stays below 5e-3, and the position and height of the minimum.
 
 mod comparison;
 mod sweeps;
@@ -11,7 +11,7 @@ use crate::{Findings, Scene};
 use sdr_rx::array::sparse::SparseError;
 use sdr_rx::array::{CMat, paper_dictionary};
 
-/// How thorough to be.
+/// Amount of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LdaL11Effort {
     /// Scenes that are averaged, seeds 1 on.
@@ -29,13 +29,13 @@ impl LdaL11Effort {
     pub const QUICK: Self = Self { seeds: 1, snapshots: 16, iterations: 10_000 };
 }
 
-/// Makes the paper's figures; `progress` is told the share that is done, 0 to 1.
+/// Makes the paper's figures; `progress` is given the fraction that is done, 0 to 1.
 ///
 /// # Errors
 /// When a solver fails.
 pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Findings, SparseError> {
-    let mut findings = sweeps::run(effort, &|share| progress(0.6 * share))?;
-    findings.extend(comparison::run(effort, &|share| progress(0.6 + 0.4 * share))?);
+    let mut findings = sweeps::run(effort, &|done| progress(0.6 * done))?;
+    findings.extend(comparison::run(effort, &|done| progress(0.6 + 0.4 * done))?);
     Ok(findings)
 }
 

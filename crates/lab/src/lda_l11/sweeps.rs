@@ -13,14 +13,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The error that the paper calls small.
 const SMALL: f64 = 5e-3;
 
-/// One figure: a parameter, its values, the others, and what the paper has.
+/// One figure: a parameter, its values, the others, and the paper's results.
 struct Sweep {
     place: &'static str,
     name: &'static str,
     symbol: &'static str,
     values: &'static [f64],
     settings: fn(f64) -> LdaSettings,
-    /// Ends of the range with a small error, and where the minimum lies.
+    /// Ends of the range with a small error, and position of the minimum.
     range: [f64; 2],
     minimum: f64,
 }
@@ -70,7 +70,7 @@ pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Find
     // The printed step is shown against eta alone.
     let points = points + SWEEPS[1].values.len();
     let (done, total) = (AtomicUsize::new(0), points * problems.len());
-    let tell = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / total as f64);
+    let advance = || progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / total as f64);
 
     // Mean over the scenes; one that diverges has no error.
     let curve = |sweep: &Sweep, step: StepLength| -> Result<Vec<(f64, f64)>, SparseError> {
@@ -80,7 +80,7 @@ pub fn run(effort: LdaL11Effort, progress: &(dyn Fn(f64) + Sync)) -> Result<Find
             let settings =
                 LdaSettings { iterations: effort.iterations, step, ..(sweep.settings)(*value) };
             let x = lda_l11::solve(&problem.a, &problem.y, &settings);
-            tell();
+            advance();
             match x {
                 Err(SparseError::Diverged { .. }) => Ok(f64::NAN),
                 x => x.map(|x| nmse(&x, &problem.truth)),
@@ -132,9 +132,9 @@ fn optimum(sweep: &Sweep, problems: &[Problem]) -> Result<Vec<(f64, f64)>, Spars
 fn claims(sweep: &Sweep, curve: &[(f64, f64)]) -> Vec<Claim> {
     let Sweep { place, symbol, range, minimum, .. } = *sweep;
     let [low, high] = ends(curve);
-    let least =
+    let minimal =
         curve.iter().copied().filter(|p| p.1.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1));
-    let least = least.unwrap_or((f64::NAN, f64::NAN));
+    let minimal = minimal.unwrap_or((f64::NAN, f64::NAN));
     let there = curve.iter().find(|p| p.0 == minimum).map_or(f64::NAN, |p| p.1);
     let end = |which: &str, paper: f64, ours: Option<f64>, beyond: f64| Claim {
         place,
@@ -152,11 +152,11 @@ fn claims(sweep: &Sweep, curve: &[(f64, f64)]) -> Vec<Claim> {
         end("to", range[1], high, last),
         Claim {
             place,
-            claim: format!("least NMSE at {symbol} = {minimum}"),
+            claim: format!("minimum NMSE at {symbol} = {minimum}"),
             paper: format!("{minimum}"),
-            ours: format!("{} ({:.1e}; there {there:.1e})", least.0, least.1),
-            // The minimum is flat: what counts is that nothing is gained by going elsewhere.
-            holds: there <= 1.15 * least.1,
+            ours: format!("{} ({:.1e}; there {there:.1e})", minimal.0, minimal.1),
+            // The minimum is flat: elsewhere the error must not be smaller.
+            holds: there <= 1.15 * minimal.1,
         },
     ]
 }
@@ -168,8 +168,8 @@ fn ends(curve: &[(f64, f64)]) -> [Option<f64>; 2] {
     let lowest = lowest.unwrap_or(0);
     // Linear in the logarithms between the values.
     let crossing = |inside: &(f64, f64), outside: &(f64, f64)| {
-        let share = (SMALL / height(inside)).ln() / (height(outside) / height(inside)).ln();
-        inside.0 * (outside.0 / inside.0).powf(share)
+        let fraction = (SMALL / height(inside)).ln() / (height(outside) / height(inside)).ln();
+        inside.0 * (outside.0 / inside.0).powf(fraction)
     };
     let pairs = |step: fn(usize) -> Option<usize>| {
         std::iter::successors(Some(lowest), move |k| step(*k))
@@ -182,15 +182,15 @@ fn ends(curve: &[(f64, f64)]) -> [Option<f64>; 2] {
     })
 }
 
-/// That the printed step, eta / (k + 1), does it.
+/// Whether the printed step, eta / (k + 1), reaches a small error.
 fn printed_step(curve: &[(f64, f64)]) -> Claim {
-    let least = curve.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
+    let minimum = curve.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
     Claim {
         place: "(27)",
         claim: "the step eta/(k + 1), as printed, reaches these errors".into(),
         paper: "1.4e-3".into(),
-        ours: format!("{least:.1e} at best"),
-        holds: least < SMALL,
+        ours: format!("{minimum:.1e} at best"),
+        holds: minimum < SMALL,
     }
 }
 

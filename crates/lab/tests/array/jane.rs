@@ -1,4 +1,4 @@
-//! JANE: number and angles of sources, false alarms, deviations.
+//! JANE: number and angles of sources, false alarms, standard deviations.
 
 use crate::common::{Failed, Tested};
 use nalgebra::Vector3;
@@ -27,7 +27,7 @@ fn angles(sources: &[Source]) -> Vec<f64> {
 fn jane_finds_the_reference_angles_with_and_without_a_start() -> Tested {
     let jane = Jane::new(&line(50), JaneOptions::default())?;
     // Of an independent implementation of the same maximum; two implementations of the likelihood's details
-    // agree to a few parts of the deviation, 0.0007 and 0.025 deg.
+    // agree to a small part of the standard deviation, 0.0007 and 0.025 deg.
     let cases = [
         (Scene::default(), [28.0009, 29.9985, 40.0006, 52.0005], 0.002),
         (Scene { amplitude: 1.0, ..Scene::default() }, [28.042, 29.946, 40.023, 52.024], 0.01),
@@ -52,12 +52,12 @@ fn jane_finds_the_reference_angles_with_and_without_a_start() -> Tested {
 #[test]
 fn jane_finds_four_sources_down_to_minus_25_db_at_the_bound() -> Tested {
     // The root mean square of 100 errors has a standard deviation of 7 %; the maximum likelihood lies at the
-    // bound from -5 dB up, and 30 % above it at -20 dB, where the signals are hardly known.
+    // bound from -5 dB up, and 30 % above it at -20 dB, where the signals are poorly estimated.
     for (snr, limit) in [(-25.0, f64::INFINITY), (-20.0, 1.5), (-5.0, 1.15), (20.0, 1.15)] {
         let outcome = detect(&Scene::default().with_snr(snr), 25, 1)?;
         assert!(outcome.right >= 0.95, "{snr} dB: {outcome:?}");
         assert!(outcome.error_deg <= limit * outcome.bound_deg, "{snr} dB: {outcome:?}");
-        // The deviation it states is that of its errors, to four standard deviations of the latter.
+        // Its standard deviation is that of its errors, to four standard deviations of the latter.
         let ratio = outcome.error_deg / outcome.sigma_deg;
         assert!((ratio - 1.0).abs() < 0.28, "{snr} dB: {outcome:?}");
     }
@@ -72,16 +72,17 @@ fn jane_finds_sources_with_few_elements() -> Tested {
     let eight = detect(&eight.with_snr(0.0), 40, 1)?;
     let four = Scene { elements: 4, angles_deg: vec![-25.0, 30.0], ..Scene::default() };
     let four = detect(&four.with_snr(0.0), 40, 1)?;
-    // With the noise's law known from 800 and 400 samples, half of which the signals take.
+    // The distribution of the noise is estimated from 800 and 400 samples, half of the information in which is used
+    // up by the signals.
     assert!(eight.right == 1.0 && eight.error_deg <= 1.5 * eight.bound_deg, "{eight:?}");
     assert!(four.right == 1.0 && four.error_deg <= 1.8 * four.bound_deg, "{four:?}");
     Ok(())
 }
 
 #[test]
-fn noise_alone_raises_as_many_alarms_as_asked_for() -> Tested {
-    // One in fifty is asked for, so that 2000 runs tell: binomial, mean 40, deviation 6.3. What the law of the
-    // noise takes from the data makes alarms rarer rather than more frequent.
+fn noise_alone_has_the_given_false_alarm_probability() -> Tested {
+    // A probability of one in fifty, to be tested by 2000 runs: binomial, mean 40, standard deviation 6.3. The
+    // estimation of the noise's distribution makes alarms rarer rather than more frequent.
     for (elements, share) in [(4, 0.1), (8, 0.0), (16, 0.3)] {
         let jane = Jane::new(
             &line(elements),
@@ -97,7 +98,7 @@ fn noise_alone_raises_as_many_alarms_as_asked_for() -> Tested {
         for seed in 0..runs {
             alarms += usize::from(alarm(seed)?);
         }
-        // Mean 14, deviation 3.7: four deviations more.
+        // Mean 14, standard deviation 3.7: four of them more.
         assert!(alarms <= 29, "{elements} elements, {share}: {alarms} of {runs}");
     }
     Ok(())
@@ -132,8 +133,8 @@ fn jane_finds_directions_of_a_plane_within_their_standard_deviations() -> Tested
             }
         }
     }
-    // Chi-square of 120 degrees of freedom, deviation 15.5: four of them, and 10 % for what the law of the
-    // noise, fitted on 1600 samples, costs.
+    // Chi-square of 120 degrees of freedom, standard deviation 15.5: four of them, and 10 % for the estimation of the
+    // noise's distribution from 1600 samples.
     assert!((58.0..195.0).contains(&chi_square), "{chi_square}");
     Ok(())
 }
@@ -180,7 +181,7 @@ fn satellites(
 }
 
 #[test]
-fn a_covariance_tells_satellites_far_below_the_noise() -> Tested {
+fn a_covariance_shows_satellites_far_below_the_noise() -> Tested {
     // Elements, satellites, samples (10 or 20 ms), runs, root mean square error of an independent
     // implementation (deg).
     for (elements, count, samples, runs, error_deg) in
@@ -213,7 +214,7 @@ fn a_covariance_tells_satellites_far_below_the_noise() -> Tested {
 #[test]
 fn a_known_error_of_the_elements_makes_no_sources() -> Tested {
     // One source 35 dB over the noise of an element; gains and phases wrong by 5 % and 0.05 rad: errors of
-    // power 0.005 make what looks like further sources 12 dB over the noise, unless they are allowed for.
+    // power 0.005 make apparent further sources 12 dB over the noise, unless they are modelled.
     let manifold = line(8);
     let mut rng = SplitMix64::new(5);
     let wrong: Vec<f64> = (0..16).map(|_| 0.05 * 2f64.sqrt() * rng.complex_normal().re).collect();

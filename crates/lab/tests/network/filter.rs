@@ -1,4 +1,4 @@
-//! Two and a half hours of 110 stations: filters without a centre stay with the one that has it.
+//! Two and a half hours of 110 stations: filters without a centre follow that of the centre.
 
 use crate::common::Tested;
 use nalgebra::DVector;
@@ -142,7 +142,7 @@ fn below_from(deviations: &[f64]) -> usize {
 }
 
 #[test]
-fn a_few_iterations_an_epoch_keep_every_node_with_the_centre() -> Tested {
+fn a_few_iterations_an_epoch_keep_every_node_near_the_centre() -> Tested {
     // What an independent implementation reached on a network of its own: five averages an epoch are below 1 at
     // every epoch and at 0.043 in the end, for which 0.06 is allowed. Of four networks here one may miss that at
     // its first epoch, where five iterations of about 0.7 each leave a sixth of the disagreement; ten may not.
@@ -168,8 +168,8 @@ fn a_few_iterations_an_epoch_keep_every_node_with_the_centre() -> Tested {
 }
 
 #[test]
-fn so_they_do_while_the_past_is_forgotten() -> Tested {
-    // A memory of 20 epochs: each is lost by the time that the bounds above begin to hold.
+fn a_few_iterations_an_epoch_suffice_with_forgetting() -> Tested {
+    // An effective length of 20 epochs: each epoch is forgotten before the bounds above begin to hold.
     let averaged = averages(2, 120, 0.95, 5)?;
     let agreed = agreements(2, 120, 0.95, 10)?;
     if below_from(&averaged) > 1 || below_from(&agreed) > 45 {

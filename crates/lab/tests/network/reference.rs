@@ -95,7 +95,7 @@ impl Network {
     }
 }
 
-fn in_step(relaxation: f64) -> NodeOptions {
+fn synchronous(relaxation: f64) -> NodeOptions {
     NodeOptions { relaxation, ..NodeOptions::default() }
 }
 
@@ -116,9 +116,9 @@ fn settled<P: Participant>(
     settled + 1
 }
 
-fn expect(holds: bool, said: String) -> Tested {
-    println!("{said}");
-    if holds { Ok(()) } else { Err(said.into()) }
+fn expect(holds: bool, result: String) -> Tested {
+    println!("{result}");
+    if holds { Ok(()) } else { Err(result.into()) }
 }
 
 #[test]
@@ -151,9 +151,9 @@ fn admm_needs_the_iterations_of_the_reference() -> Tested {
     ];
     for (network, hubs, rho, alpha, expected) in cases {
         let constraints = Constraints::new(&network.graph()?, hubs)?;
-        let mut nodes = network.admm(&constraints, rho, in_step(alpha))?;
+        let mut nodes = network.admm(&constraints, rho, synchronous(alpha))?;
         let xhat = &network.xhat;
-        let count = settled(&mut nodes, 2 * expected, 1e-3, |n| sim::deviation(n, xhat));
+        let count = settled(&mut nodes, 2 * expected, 1e-3, |n| sim::max_difference(n, xhat));
         let near = count.abs_diff(expected) as f64 <= 0.02 * expected as f64;
         expect(near, format!("rho {rho} alpha {alpha}: {count} iterations, not {expected}"))?;
     }
@@ -166,11 +166,11 @@ fn every_node_ends_within_a_nanometre_of_the_centre() -> Tested {
     for network in Network::read(folder)? {
         let constraints = network.constraints()?;
         let centre = network.centre()?;
-        let mut nodes = network.admm(&constraints, 0.5, in_step(1.6))?;
+        let mut nodes = network.admm(&constraints, 0.5, synchronous(1.6))?;
         (0..6000).for_each(|_| sim::iterate(&mut nodes));
-        let admm = sim::deviation(&nodes, centre.x.as_slice());
+        let admm = sim::max_difference(&nodes, centre.x.as_slice());
         let plan = plan::plan(&constraints)?;
-        let mut nodes = network.info(&constraints, plan.rho, in_step(plan.relaxation))?;
+        let mut nodes = network.info(&constraints, plan.rho, synchronous(plan.relaxation))?;
         (0..150).for_each(|_| sim::iterate(&mut nodes));
         let (mut x, mut q) = (0.0f64, 0.0f64);
         for node in &nodes {
@@ -178,8 +178,8 @@ fn every_node_ends_within_a_nanometre_of_the_centre() -> Tested {
             x = x.max((solution.x - &centre.x).amax());
             q = q.max((solution.covariance - &centre.covariance).amax());
         }
-        let said = format!("admm {admm:.1e}, info {x:.1e}, its covariance {q:.1e}");
-        expect(admm < 1e-9 && x < 1e-9 && q < 1e-9, said)?;
+        let result = format!("admm {admm:.1e}, info {x:.1e}, its covariance {q:.1e}");
+        expect(admm < 1e-9 && x < 1e-9 && q < 1e-9, result)?;
     }
     Ok(())
 }
@@ -195,7 +195,7 @@ fn the_update_as_printed_agrees_on_a_wrong_value() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     let [network, _] = Network::read(folder)?;
     let constraints = network.constraints()?;
-    let mut nodes = network.nodes(&constraints, in_step(1.6), |normals, _| {
+    let mut nodes = network.nodes(&constraints, synchronous(1.6), |normals, _| {
         Ok(PrintedForm::new(normals, &Weight::Scalar(0.5))?)
     })?;
     (0..6000).for_each(|_| sim::iterate(&mut nodes));
@@ -204,14 +204,14 @@ fn the_update_as_printed_agrees_on_a_wrong_value() -> Tested {
         weighted.add(&normals.scaled(constraints.hubs_of(id).len() as f64));
     }
     let wrong = weighted.solve(Datum::Observed)?.x;
-    let apart = sim::deviation(&nodes, wrong.as_slice());
+    let apart = sim::max_difference(&nodes, wrong.as_slice());
     let off = (&wrong - DVector::from_row_slice(&network.xhat)).amax();
-    let said = format!("agree on the weighted solution to {apart:.1e} m, {off:.4} m off");
-    expect(apart < 1e-9 && (off - 0.1345).abs() < 1e-4, said)
+    let result = format!("agree on the weighted solution to {apart:.1e} m, {off:.4} m off");
+    expect(apart < 1e-9 && (off - 0.1345).abs() < 1e-4, result)
 }
 
 /// Rounds of averaged normal equations, as planned from the graph, after which every node stays within 1 mm and
-/// within 3 sigma of the centre, and knows the sigmas to 1 %.
+/// within 3 sigma of the centre, and has the sigmas to 1 %.
 fn rounds(constraints: &Constraints, normals: &[Normals]) -> Result<[usize; 3], Failed> {
     let plan = plan::plan(constraints)?;
     let mut sum = Normals::none(12);
@@ -220,7 +220,7 @@ fn rounds(constraints: &Constraints, normals: &[Normals]) -> Result<[usize; 3], 
     let sigma = centre.sigma();
     let node = |(id, normals)| {
         let problem = Average { own: info::pack(normals), rho: plan.rho };
-        Node::new(id, constraints, problem, in_step(plan.relaxation))
+        Node::new(id, constraints, problem, synchronous(plan.relaxation))
     };
     let mut nodes: Vec<_> = normals.iter().enumerate().map(node).collect::<Result<_, _>>()?;
     let mut settled = [0; 3];
@@ -249,13 +249,13 @@ fn averaged_normal_equations_need_thirty_rounds() -> Tested {
     let constraints = network.constraints()?;
     let plan = plan::plan(&constraints)?;
     let [metres, within, spread] = rounds(&constraints, &network.normals())?;
-    let said = format!("{plan:?}: 1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds");
-    expect(metres <= 32 && within <= 6 && spread <= 27, said)
+    let result = format!("{plan:?}: 1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds");
+    expect(metres <= 32 && within <= 6 && spread <= 27, result)
 }
 
-/// Half of the networks keep the bounds that the independent implementation gives for its own; each settles as
-/// fast as the planned radius lets it: from ten metres to 1 mm, with ten times as much for a rise before the fall.
-/// (That all keep the first bounds is not so: the worst need 35, 9 and 29 rounds. Medians are asked for that.)
+/// Half of the networks keep the bounds that the independent implementation gives for its own; each converges at
+/// the rate of the planned radius: from ten metres to 1 mm, with ten times as much for a rise before the fall.
+/// (Not all keep the first bounds: the worst need 35, 9 and 29 rounds, so that medians are tested.)
 #[test]
 fn averages_settle_as_planned_in_thirty_networks() -> Tested {
     let network = |seed: u64| -> Result<([usize; 3], usize), String> {
@@ -277,12 +277,12 @@ fn averages_settle_as_planned_in_thirty_networks() -> Tested {
     };
     let as_planned = all.iter().all(|(rounds, bound)| rounds[0] <= *bound);
     let [metres, within, spread] = [median(0), median(1), median(2)];
-    let said = format!("1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds; {all:?}");
-    expect(as_planned && metres <= 32 && within <= 6 && spread <= 27, said)
+    let result = format!("1 mm {metres}, 3 sigma {within}, sigma to 1 % {spread} rounds; {all:?}");
+    expect(as_planned && metres <= 32 && within <= 6 && spread <= 27, result)
 }
 
 #[test]
-fn a_tree_is_exact_after_as_many_exchanges_as_it_is_wide() -> Tested {
+fn a_tree_is_exact_after_as_many_exchanges_as_its_diameter() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     for network in Network::read(folder)? {
         let tree = network.graph()?.spanning_tree()?;
@@ -316,7 +316,7 @@ fn acknowledged_links_converge_where_the_obvious_rules_diverge() -> Tested {
         let mut settled = 0;
         while simulation.ticks() < limit {
             simulation.tick();
-            if sim::deviation(&simulation.nodes, &network.xhat) >= 1e-3 {
+            if sim::max_difference(&simulation.nodes, &network.xhat) >= 1e-3 {
                 settled = simulation.ticks();
             }
         }
@@ -331,6 +331,6 @@ fn acknowledged_links_converge_where_the_obvious_rules_diverge() -> Tested {
     let steady = worst(Rule::Acknowledged, 1.3, 4000)?;
     let eager = worst(Rule::Acknowledged, 1.6, 8000)?;
     let always = worst(Rule::Always, 1.3, 5000)?;
-    let said = format!("acknowledged, alpha 1.3 {steady:?}, 1.6 {eager:?}; always {always:?}");
-    expect(steady.1 <= 1800 && eager.1 <= 5000 && always.0 == 5000, said)
+    let result = format!("acknowledged, alpha 1.3 {steady:?}, 1.6 {eager:?}; always {always:?}");
+    expect(steady.1 <= 1800 && eager.1 <= 5000 && always.0 == 5000, result)
 }

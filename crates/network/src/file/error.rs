@@ -11,7 +11,7 @@ pub enum NetworkFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// No TOML, an unknown key, or a value of the wrong kind; with line and column.
@@ -35,7 +35,7 @@ pub enum NetworkFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// Which, and what would be right.
+        /// Which, and what is valid.
         what: String,
     },
     /// A network that cannot work.

@@ -1,4 +1,4 @@
-//! A network of receivers as files: who talks to whom (TOML), and what each one observed (JSON).
+//! A network of receivers as files: nodes and links (TOML), and the observations of each node (JSON).
 
 mod error;
 mod model;
@@ -20,19 +20,19 @@ pub struct NetworkFile {
     pub name: String,
     /// Names of the common parameters, in the order of all vectors.
     pub parameters: Vec<String>,
-    /// How the nodes arrive at the solution.
+    /// Solver.
     #[serde(default)]
     pub solver: NetworkSolver,
     /// What fixes the parameters: "observed", or "zero-mean" where every receiver has a bias of its own.
     #[serde(default)]
     pub datum: DatumName,
-    /// Weight of agreement; planned from the graph for the solver "info" where it is not given.
+    /// Weight of agreement; where it is not given, planned from the graph for the solver "info".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rho: Option<f64>,
-    /// Over-relaxation of nodes in step; planned from the graph where it is not given.
+    /// Over-relaxation of synchronous nodes; planned from the graph where it is not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
-    /// Pairs of nodes that talk to each other, by name.
+    /// Links: pairs of nodes, by name.
     pub links: Vec<(String, String)>,
     /// The constraint nodes by name; chosen from the graph where they are not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -47,10 +47,10 @@ pub struct NetworkFile {
 pub struct NodeEntry {
     /// Its name.
     pub name: String,
-    /// Where it listens, for nodes that are processes of their own: `tcp/127.0.0.1:7401`.
+    /// Address, for nodes that are processes of their own: `tcp/127.0.0.1:7401`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
-    /// What it observed, a JSON file; relative to the network file's folder.
+    /// Its observations, a JSON file; relative to the network file's folder.
     pub model: PathBuf,
 }
 
@@ -79,21 +79,21 @@ impl From<DatumName> for Datum {
 pub struct NetworkSetup {
     /// The file.
     pub file: NetworkFile,
-    /// Where it was read.
+    /// Its path.
     pub path: PathBuf,
     /// Graph, constraint nodes, solver and weight.
     pub agreement: Agreement,
-    /// Over-relaxation of nodes in step.
+    /// Over-relaxation of synchronous nodes.
     pub relaxation: f64,
-    /// What remains of a disagreement after a round, where the settings were planned.
+    /// Fraction of a disagreement that remains after a round, where the settings were planned.
     pub radius: Option<f64>,
 }
 
 impl NetworkSetup {
-    /// Reads a network file, checks it, and plans what it leaves open. The nodes' own files are not read.
+    /// Reads a network file, checks it, and plans what it does not specify. The nodes' own files are not read.
     ///
     /// # Errors
-    /// [`NetworkFileError`]: what, where, what would be right.
+    /// [`NetworkFileError`].
     pub fn read(path: &Path) -> Result<Self, NetworkFileError> {
         let text = error::read(path)?;
         let file: NetworkFile = toml::from_str(&text).map_err(|source| NetworkFileError::Toml {
@@ -103,7 +103,7 @@ impl NetworkSetup {
         Self::new(file, path)
     }
 
-    /// Checks a network file that is to lie at `path`, and plans what it leaves open.
+    /// Checks a network file that is to lie at `path`, and plans what it does not specify.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -173,7 +173,7 @@ impl NetworkSetup {
         self.file.find(name).map_err(wrong)
     }
 
-    /// Reads what a node observed.
+    /// Reads the observations of a node.
     ///
     /// # Errors
     /// [`NetworkFileError`].
@@ -202,7 +202,7 @@ fn require_distinct<'a>(
     }
     let mut seen = std::collections::BTreeSet::new();
     match names.into_iter().find(|name| !seen.insert(name.as_str())) {
-        Some(twice) => Err(format!("the {what} '{twice}' stands there twice: names must differ")),
+        Some(twice) => Err(format!("the {what} '{twice}' is listed twice: names must differ")),
         None => Ok(()),
     }
 }
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_file_leaves_open_is_planned_from_the_graph() {
+    fn unspecified_settings_are_planned_from_the_graph() {
         let setup = setup(THREE).unwrap();
         assert_eq!(setup.agreement.constraints.hubs(), [1]);
         assert_eq!(setup.agreement.solver, NetworkSolver::Info);
@@ -245,17 +245,17 @@ mod tests {
                 "no node 'D': the nodes are A, B, C",
             ),
             (THREE.replace(", [\"B\", \"C\"]", ""), "falls into 2 parts"),
-            (THREE.replace("\"a\", \"b\"", "\"a\", \"a\""), "the parameter 'a' stands there twice"),
+            (THREE.replace("\"a\", \"b\"", "\"a\", \"a\""), "the parameter 'a' is listed twice"),
             (THREE.replace("\"a\", \"b\"", ""), "there is no parameter"),
-            (THREE.replace("name = \"C\"", "name = \"A\""), "the node 'A' stands there twice"),
+            (THREE.replace("name = \"C\"", "name = \"A\""), "the node 'A' is listed twice"),
             (format!("solver = \"admm\"\n{THREE}"), "needs rho"),
             (format!("constraint_nodes = [\"A\"]\n{THREE}"), "without a star"),
             (format!("colour = 3\n{THREE}"), "unknown field `colour`"),
             (format!("solver = \"magic\"\n{THREE}"), "unknown variant `magic`"),
         ];
         for (text, expected) in cases {
-            let said = setup(&text).unwrap_err().to_string();
-            assert!(said.contains(expected) && said.contains("network.toml"), "{said}");
+            let message = setup(&text).unwrap_err().to_string();
+            assert!(message.contains(expected) && message.contains("network.toml"), "{message}");
         }
     }
 }

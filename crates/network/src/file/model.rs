@@ -1,4 +1,4 @@
-//! What one receiver observed, as JSON.
+//! Observations of one receiver, as JSON.
 
 use super::{NetworkFileError, error};
 use crate::LinearModel;
@@ -29,7 +29,7 @@ pub struct ModelFile {
 pub struct ObservationEntry {
     /// Coefficient of each parameter, by name; the others are 0.
     pub coefficients: BTreeMap<String, f64>,
-    /// What was observed.
+    /// The observed value.
     pub value: f64,
     /// Its standard deviation, in the same unit.
     pub sigma: f64,
@@ -52,18 +52,18 @@ impl ModelFile {
         let count = self.observations.len();
         let mut design = DMatrix::zeros(count, parameters.len());
         for (row, entry) in self.observations.iter().enumerate() {
-            let place = format!("observation {row} (counted from 0)");
+            let which = format!("observation {row} (counted from 0)");
             if !(entry.sigma > 0.0 && entry.sigma.is_finite() && entry.value.is_finite()) {
                 let (value, sigma) = (entry.value, entry.sigma);
                 return Err(format!(
-                    "{place}: value {value}, sigma {sigma}: sigma must be positive"
+                    "{which}: value {value}, sigma {sigma}: sigma must be positive"
                 ));
             }
             for (name, coefficient) in &entry.coefficients {
                 let column = parameters.iter().position(|parameter| parameter == name);
                 let column = column.ok_or_else(|| {
                     let known = parameters.join(", ");
-                    format!("{place}: the network has no parameter '{name}', but {known}")
+                    format!("{which}: the network has no parameter '{name}', but {known}")
                 })?;
                 design[(row, column)] = *coefficient;
             }

@@ -1,5 +1,5 @@
-//! What a station observed, from its RINEX observation file: the combination of three codes of each satellite, with
-//! the elevation that weighs it.
+//! Observations of a station, from its RINEX observation file: the combination of three codes of each satellite,
+//! with the elevation for its weight.
 
 use crate::code_bias::{BiasObservation, Carriers, ReceiverBias, ZENITH_SIGMA_M, station_model};
 use crate::{NetworkError, Normals};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeOptions {
     /// The three codes by their RINEX names. A satellite without one of them is left out: a bias belongs to a
-    /// code, and must mean the same at all stations.
+    /// code, which must be the same at all stations.
     pub signals: [String; 3],
     /// Their carriers.
     pub carriers: Carriers,
@@ -47,7 +47,7 @@ pub struct Combination {
     pub elevation_rad: f64,
 }
 
-/// What a station observed at one instant.
+/// Observations of a station at one instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StationEpoch {
     /// Receive instant by the station's clock.
@@ -62,11 +62,11 @@ pub enum StationError {
     /// The file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// Nobody says where the station is.
+    /// The position of the station is not known.
     #[error(
-        "reading the station '{}': its header has no APPROX POSITION XYZ, which elevations need; give the station's place", .0.display()
+        "reading the station '{}': its header has no APPROX POSITION XYZ, which elevations need; give the station's position", .0.display()
     )]
-    NoPlace(PathBuf),
+    NoPosition(PathBuf),
     /// No satellite has the three codes and an orbit.
     #[error(
         "reading the station '{}': no satellite has all of the codes {signals} and an orbit above the mask; name codes that its header lists, and a navigation file of that day", path.display()
@@ -74,12 +74,12 @@ pub enum StationError {
     NoSatellite {
         /// The file.
         path: PathBuf,
-        /// The codes asked for.
+        /// The requested codes.
         signals: String,
     },
 }
 
-/// Reads a station's file. `place_m` (ECEF, m, a kilometre is good enough) replaces the header's approximate
+/// Reads a station's file. `position_m` (ECEF, m, a kilometre is good enough) replaces the header's approximate
 /// position. Satellites without orbit, or which declare themselves unhealthy, are left out.
 ///
 /// # Errors
@@ -87,12 +87,12 @@ pub enum StationError {
 pub fn station_epochs(
     path: &Path,
     navigation: &NavigationData,
-    place_m: Option<Vector3<f64>>,
+    position_m: Option<Vector3<f64>>,
     options: &CodeOptions,
 ) -> Result<Vec<StationEpoch>, StationError> {
     let mut reader = rinex_obs::open(path)?;
-    let place_m = place_m.or(reader.header().approximate_position_m);
-    let place_m = place_m.ok_or_else(|| StationError::NoPlace(path.to_owned()))?;
+    let position_m = position_m.or(reader.header().approximate_position_m);
+    let position_m = position_m.ok_or_else(|| StationError::NoPosition(path.to_owned()))?;
     let signals = options.signals.each_ref().map(String::as_str);
     let mut epochs = Vec::new();
     while let Some(epoch) = reader.next_pseudoranges(&signals)? {
@@ -101,8 +101,8 @@ pub fn station_epochs(
             let ranges_m: Vec<f64> = ranges.into_iter().flatten().collect();
             let ranges_m: [f64; 3] = ranges_m.try_into().ok()?;
             let orbit = navigation.orbit(sv, receive_time).ok()?;
-            let satellite = Propagation::solve(orbit, &place_m, receive_time).satellite;
-            let (_, elevation_rad) = azimuth_elevation(&place_m, &satellite.position_m);
+            let satellite = Propagation::solve(orbit, &position_m, receive_time).satellite;
+            let (_, elevation_rad) = azimuth_elevation(&position_m, &satellite.position_m);
             let value_m = options.carriers.combine(ranges_m);
             (elevation_rad >= options.elevation_mask_rad).then_some(Combination {
                 sv,

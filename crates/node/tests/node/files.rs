@@ -1,10 +1,10 @@
-//! Mistakes in the files, each with what is said of it.
+//! Mistakes in the files, each with its message.
 
 use crate::harness::{Network, program};
 use std::process::Stdio;
 
-/// What the program says of a node file with this in it instead of `old`.
-fn said(network: &Network, old: &str, new: &str) -> String {
+/// The program's message about a node file with `new` in it instead of `old`.
+fn message(network: &Network, old: &str, new: &str) -> String {
     let text = std::fs::read_to_string(network.path("2.toml")).unwrap();
     assert!(text.contains(old), "{old}");
     let path = network.path("changed.toml");
@@ -15,7 +15,7 @@ fn said(network: &Network, old: &str, new: &str) -> String {
 }
 
 #[test]
-fn each_mistake_in_a_node_s_file_is_named_with_its_place_and_what_would_be_right() {
+fn each_mistake_in_a_node_s_file_is_reported_with_its_position_and_what_is_valid() {
     let network = Network::new("mode = 'asynchronous'");
     let cases = [
         ("node = 'N2'", "node = 'X'", "there is no node 'X': the nodes are N0, N1"),
@@ -38,14 +38,14 @@ fn each_mistake_in_a_node_s_file_is_named_with_its_place_and_what_would_be_right
         ("mode = 'asynchronous'", "[security]\nusers = 'nobody'", "there is no file"),
     ];
     for (old, new, expected) in cases {
-        let said = said(&network, old, new);
-        assert!(said.contains(expected), "{new}: {said}");
-        assert!(said.contains(".toml"), "{new}: {said}");
+        let message = message(&network, old, new);
+        assert!(message.contains(expected), "{new}: {message}");
+        assert!(message.contains(".toml"), "{new}: {message}");
     }
 }
 
 #[test]
-fn a_check_shows_the_engine_s_configuration_which_knows_the_neighbours_and_nobody_else() {
+fn a_check_shows_the_engine_s_configuration_with_the_neighbours_only() {
     let network = Network::new("lease_ms = 2500");
     let output = program(&network.path("2.toml")).arg("--check").stdout(Stdio::piped()).output();
     let output = output.unwrap();

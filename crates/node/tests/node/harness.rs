@@ -46,7 +46,7 @@ pub struct Packets {
     pub refused: BTreeMap<String, u64>,
 }
 
-/// One network at a time: what is measured is not how two of them share a processor.
+/// One network at a time, so that networks do not compete for the processor.
 static TURN: Mutex<()> = Mutex::new(());
 
 pub struct Network {
@@ -70,7 +70,7 @@ impl Network {
         Self::with_fault(node_file, None)
     }
 
-    /// The same, with an error of 20 sigma in the first observation of a node; the centre does without that.
+    /// The same, with an error of 20 sigma in the first observation of a node; the centre excludes it.
     pub fn with_fault(node_file: &str, faulty: Option<usize>) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
@@ -99,14 +99,14 @@ impl Network {
         };
         write("network.toml".into(), toml::to_string(&file).unwrap());
         for k in 0..NODES {
-            // Each node observes two of four parameters: none could know all of them alone.
-            // Their errors are within one sigma: none is a fault but the one that was asked for.
+            // Each node observes two of four parameters: none can determine all of them alone.
+            // Their errors are within one sigma: the only fault is the requested one.
             let entry = |j: usize| {
-                let (place, sigma) = ((k + j) % PARAMETERS, 0.2 + 0.05 * (k + j) as f64);
+                let (parameter, sigma) = ((k + j) % PARAMETERS, 0.2 + 0.05 * (k + j) as f64);
                 let fault = if faulty == Some(k) && j == 0 { 20.0 } else { 0.0 };
                 ObservationEntry {
-                    coefficients: BTreeMap::from([(parameters[place].clone(), 1.0)]),
-                    value: TRUTH[place] + sigma * (((3 * k + 7 * j) as f64).sin() + fault),
+                    coefficients: BTreeMap::from([(parameters[parameter].clone(), 1.0)]),
+                    value: TRUTH[parameter] + sigma * (((3 * k + 7 * j) as f64).sin() + fault),
                     sigma,
                 }
             };
@@ -131,7 +131,7 @@ impl Network {
         Self { _turn: turn, folder, setup, centre, processes }
     }
 
-    /// With all of its nodes running: on a machine that is busy with other things, a program takes its time to
+    /// With all of its nodes running: on a busy machine a program takes time to
     /// start.
     pub fn started(mut self) -> Self {
         (0..NODES).for_each(|k| self.start(k));
@@ -161,24 +161,24 @@ impl Network {
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
     }
 
-    /// Waits for a process that was told to end; whether it says that all went well.
+    /// Waits for a process that was stopped; whether it ended without error.
     pub fn ended_well(&mut self, k: usize) -> bool {
         self.processes[k].take().unwrap().wait().unwrap().success()
     }
 
-    /// What a node last said, as it stands in its status file.
+    /// The last status record of a node, as text.
     pub fn last_line(&self, k: usize) -> Option<String> {
         let text = std::fs::read_to_string(self.path(&format!("{k}.jsonl"))).ok()?;
         let whole = text.rfind('\n').map(|end| &text[..end])?;
         whole.lines().last().map(str::to_owned)
     }
 
-    /// What a node last said.
+    /// The last status record of a node.
     pub fn status(&self, k: usize) -> Option<Record> {
         self.last_line(k).map(|line| serde_json::from_str(&line).unwrap())
     }
 
-    /// The largest difference of a node's estimate from what a centre would have computed.
+    /// The largest difference of a node's estimate from a centre's solution.
     pub fn off(&self, k: usize) -> f64 {
         let Some(x) = self.status(k).and_then(|record| record.x) else { return f64::INFINITY };
         x.iter().zip(&self.centre.x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -188,20 +188,20 @@ impl Network {
         (0..NODES).all(|k| self.off(k) < bound)
     }
 
-    /// Waits until something holds; how long that took. Panics, with what the nodes last said, when it takes too
+    /// Waits until something holds; how long that took. Panics, with the last status records, when it takes too
     /// long.
     pub fn until(&self, seconds: u64, holds: impl Fn(&Self) -> bool) -> Duration {
         let start = Instant::now();
         while !holds(self) {
             let late = start.elapsed() > Duration::from_secs(seconds);
-            let said = || (0..NODES).map(|k| self.status(k)).collect::<Vec<_>>();
-            assert!(!late, "not within {seconds} s; the nodes say {:#?}", said());
+            let records = || (0..NODES).map(|k| self.status(k)).collect::<Vec<_>>();
+            assert!(!late, "not within {seconds} s; status records {:#?}", records());
             std::thread::sleep(Duration::from_millis(20));
         }
         start.elapsed()
     }
 
-    /// What each node's solution is after so many rounds in step, computed in this process.
+    /// Each node's solution after so many synchronous rounds, computed in this process.
     pub fn in_process(&self, rounds: u64) -> Vec<NetworkSolution> {
         let agreement = &self.setup.agreement;
         let options = NodeOptions {
@@ -216,8 +216,8 @@ impl Network {
         let mut nodes: Vec<_> = (0..NODES).map(station).collect();
         let mut moves = [0; NODES];
         while moves.iter().any(|&moves| moves < rounds) {
-            let said: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
-            said.iter().for_each(|(to, message)| _ = nodes[*to].receive(message));
+            let sent: Vec<_> = nodes.iter().flat_map(|node| node.messages()).collect();
+            sent.iter().for_each(|(to, message)| _ = nodes[*to].receive(message));
             for (node, moves) in nodes.iter_mut().zip(&mut moves) {
                 if *moves < rounds {
                     *moves += u64::from(node.step());

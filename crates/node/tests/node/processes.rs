@@ -1,4 +1,4 @@
-//! What a network of processes arrives at, whatever happens to them.
+//! Solutions of a network of processes under faults.
 
 use crate::harness::{CENTRAL_HUB, NODES, Network, STATION};
 use sdr_rx_network::message::{Body, News, NodeMessage};
@@ -6,19 +6,19 @@ use sdr_rx_network::wire::{PacketHeader, encode};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 
-/// In step, the error shrinks by the plan's radius in each round: far below 1e-9 after these.
+/// Synchronous, the error shrinks by the plan's radius in each round: far below 1e-9 after these.
 const ROUNDS: u64 = 150;
 
-/// That each node has what the same number of rounds in this process gives: bit for bit, for the arithmetic is
-/// the same and so is what each round takes in.
+/// Each node has the result of the same number of rounds in this process, bit for bit: arithmetic and inputs of each
+/// round are the same.
 fn assert_as_in_process(network: &Network) {
     for (k, expected) in network.in_process(ROUNDS).iter().enumerate() {
         // Compared as text, for serde_json may miss the last bit when it reads.
         let text = |values: &[f64]| serde_json::to_string(values).unwrap();
         let (x, sigma) = (text(expected.x.as_slice()), text(expected.sigma().as_slice()));
         let expected = format!("\"round\":{ROUNDS},\"x\":{x},\"sigma\":{sigma}");
-        let said = network.last_line(k).unwrap();
-        assert!(said.contains(&expected), "node {k}: {said}\nin process: {expected}");
+        let record = network.last_line(k).unwrap();
+        assert!(record.contains(&expected), "node {k}: {record}\nin process: {expected}");
         assert!(network.off(k) < 1e-9, "node {k}");
     }
 }
@@ -29,7 +29,7 @@ fn all_rest(network: &Network) -> bool {
 }
 
 #[test]
-fn in_step_and_besieged_by_strangers_they_arrive_at_what_one_process_computes_bit_for_bit() {
+fn synchronous_with_foreign_packets_they_have_the_solution_of_one_process_bit_for_bit() {
     let mut network = Network::new(&format!("mode = 'synchronous'\nrounds = {ROUNDS}"));
     (0..NODES).for_each(|k| network.start(k));
     let start = Instant::now();
@@ -96,7 +96,7 @@ fn in_step_and_besieged_by_strangers_they_arrive_at_what_one_process_computes_bi
 }
 
 #[test]
-fn by_their_own_clocks_they_are_within_1_mm_in_10_s_without_loss_and_at_10_and_50_percent() {
+fn asynchronous_they_are_within_1_mm_in_10_s_without_loss_and_at_10_and_50_percent() {
     for loss in [0.0, 0.1, 0.5] {
         let network = Network::new(&format!("loss = {loss}")).started();
         let to_1_mm = network.until(10, |network| network.all_within(1e-3));
@@ -107,14 +107,14 @@ fn by_their_own_clocks_they_are_within_1_mm_in_10_s_without_loss_and_at_10_and_5
 }
 
 #[test]
-fn in_step_they_are_within_1_mm_in_10_s() {
+fn synchronous_they_are_within_1_mm_in_10_s() {
     let network = Network::new("mode = 'synchronous'\npace_ms = 1").started();
     let to_1_mm = network.until(10, |network| network.all_within(1e-3));
-    println!("in step: 1 mm after {to_1_mm:.2?}");
+    println!("synchronous: 1 mm after {to_1_mm:.2?}");
 }
 
 #[test]
-fn a_station_and_a_hub_that_were_killed_are_missed_by_nobody_s_solution_and_heal_after_a_restart() {
+fn killed_nodes_do_not_change_the_solution_and_recover_after_a_restart() {
     for mode in ["asynchronous", "synchronous"] {
         let mut network = Network::new(&format!("mode = '{mode}'")).started();
         network.until(10, |network| network.all_within(1e-6));
@@ -122,21 +122,21 @@ fn a_station_and_a_hub_that_were_killed_are_missed_by_nobody_s_solution_and_heal
             network.kill(victim);
             let neighbours = network.setup.agreement.graph.neighbours(victim).to_vec();
             let missed = |k: &usize| network.status(*k).unwrap().missing.contains(&victim);
-            let told = network.until(5, |_| neighbours.iter().all(missed));
-            // What the dead node said last stands: nobody forgets its observations.
+            let noticed = network.until(5, |_| neighbours.iter().all(missed));
+            // The last message of the dead node stays in use: its observations are not lost.
             let others = (0..NODES).filter(|&k| k != victim);
             others.for_each(|k| assert!(network.off(k) < 1e-6, "node {k} after {victim} died"));
             network.start(victim);
             let healed = network.until(15, |network| network.all_within(1e-6));
             println!(
-                "{mode}, node {victim}: death known after {told:.2?}, healed {healed:.2?} after the restart"
+                "{mode}, node {victim}: death noticed after {noticed:.2?}, recovered {healed:.2?} after the restart"
             );
         }
     }
 }
 
 #[test]
-fn a_false_observation_is_named_by_every_process_and_the_solution_goes_on_without_it() {
+fn a_false_observation_is_identified_by_every_process_and_excluded() {
     let network = Network::with_fault("", Some(STATION)).started();
     let named = |k: usize| {
         let record = network.status(k)?;
@@ -146,18 +146,18 @@ fn a_false_observation_is_named_by_every_process_and_the_solution_goes_on_withou
     let all = |_: &Network| (0..NODES).all(|k| named(k) == Some((vec![(STATION as u32, 0)], true)));
     let took = network.until(10, |network| all(network) && network.all_within(1e-6));
     assert_eq!(network.status(STATION).unwrap().excluded, [0]);
-    println!("false observation: named by all and left out after {took:.2?}");
+    println!("false observation: identified by all and excluded after {took:.2?}");
 }
 
 #[test]
-fn a_node_that_is_stopped_beyond_the_lease_holds_nobody_up_and_rejoins() {
+fn a_node_that_is_suspended_beyond_the_lease_delays_no_other_and_rejoins() {
     let network = Network::new("lease_ms = 1000").started();
     network.until(10, |network| network.all_within(1e-6));
     network.signal(STATION, "-STOP");
     let neighbours = network.setup.agreement.graph.neighbours(STATION).to_vec();
     let missed = |k: &usize| network.status(*k).unwrap().missing.contains(&STATION);
-    let told = network.until(5, |_| neighbours.iter().all(missed));
-    // Of 5 ms each, 100 of them take half a second where nobody waits.
+    let noticed = network.until(5, |_| neighbours.iter().all(missed));
+    // Of 5 ms each, 100 rounds take half a second if no node waits.
     let before: Vec<u64> = (0..NODES).map(|k| network.status(k).unwrap().round).collect();
     let on = |k: usize| k == STATION || network.status(k).unwrap().round > before[k] + 100;
     network.until(5, |_| (0..NODES).all(on));
@@ -167,5 +167,5 @@ fn a_node_that_is_stopped_beyond_the_lease_holds_nobody_up_and_rejoins() {
         let on = network.status(STATION).unwrap().round > before[STATION] + 100;
         on && neighbours.iter().all(live) && network.all_within(1e-6)
     });
-    println!("stopped: missed after {told:.2?} (lease 1 s), back {back:.2?} after it was woken");
+    println!("stopped: missed after {noticed:.2?} (lease 1 s), back {back:.2?} after it was woken");
 }

@@ -16,7 +16,8 @@
 use crate::epoch::sighting::Sighting;
 use crate::gauss_newton::{Damping, Model, Point, Step, Stopped, Test, Verdict, Why, gauss_newton};
 use crate::least_squares::{LeastSquares, LinearRow, Terms};
-use crate::problem::{Place, Row, RowKind, Satellite};
+use crate::place::Place;
+use crate::problem::{Row, RowKind, Satellite};
 use crate::solver::aw_dgn_bt::aw_dgn_bt;
 use crate::solver::failure::Failure;
 use nalgebra::{Vector3, Vector4};

@@ -41,7 +41,8 @@ use super::plausibility::WALL_M;
 use super::point_solution::{Iteration, PointSolution};
 use crate::gauss_newton::{self, Model, Point, Stopped, Test, Verdict, Why, gauss_newton};
 use crate::least_squares::LeastSquares;
-use crate::problem::{Place, Problem, Row};
+use crate::place::Place;
+use crate::problem::{Problem, Row};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 
 /// How steps are damped: which algorithm of the paper this is.

@@ -16,7 +16,8 @@ use super::failure::Failure;
 use super::plausibility::{SAME_M, believed_costs, near_the_surface};
 use super::point_solution::{Ambiguity, Iteration, PointSolution};
 use crate::least_squares::{LeastSquares, LinearRow};
-use crate::problem::{Place, Problem, Row, RowKind};
+use crate::place::Place;
+use crate::problem::{Problem, Row, RowKind};
 use nalgebra::Vector4;
 
 /// Both roots, that with the smaller sum of squared residuals first; the second is absent where the

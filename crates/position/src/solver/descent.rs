@@ -22,7 +22,8 @@ use super::failure::Failure;
 use super::point_solution::{Damped, Iteration, PointSolution};
 use crate::gauss_newton::Point;
 use crate::least_squares::{LeastSquares, LinearRow};
-use crate::problem::{Place, Problem, Row};
+use crate::place::Place;
+use crate::problem::{Problem, Row};
 use nalgebra::Vector3;
 
 /// Which way a step goes, `Q H^T e`.

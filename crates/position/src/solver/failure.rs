@@ -1,6 +1,6 @@
 //! Why a position solver gives no solution.
 
-use crate::problem::Place;
+use crate::place::Place;
 
 /// Why there is no position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

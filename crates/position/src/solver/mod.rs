@@ -8,7 +8,8 @@ mod plausibility;
 pub mod point_solution;
 pub mod variable_projection;
 
-use crate::problem::{Place, Row, RowKind};
+use crate::place::Place;
+use crate::problem::{Row, RowKind};
 
 use aw_dgn_bt::{Damping, iterate};
 use bancroft::bancroft_gn;

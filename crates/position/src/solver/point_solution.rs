@@ -1,7 +1,8 @@
 //! What every position solver gives, and the trace of how it came there.
 
 use crate::gauss_newton;
-use crate::problem::{Place, Problem};
+use crate::place::Place;
+use crate::problem::Problem;
 use nalgebra::Matrix3;
 use std::fmt::Write;
 

@@ -29,7 +29,8 @@ use super::plausibility::{SAME_M, WALL_M, above_the_ground, believed_costs, near
 use super::point_solution::{Ambiguity, Damped, Iteration, PointSolution};
 use crate::gauss_newton::Point;
 use crate::least_squares::{Buffer, LeastSquares};
-use crate::problem::{Place, Problem, Row, Satellite, Seen};
+use crate::place::Place;
+use crate::problem::{Problem, Row, Satellite, Seen};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 

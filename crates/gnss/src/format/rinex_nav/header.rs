@@ -10,7 +10,7 @@ use crate::{GpsTime, Sv};
 /// Leap seconds now; then after the change, its week and day.
 type LeapSeconds = (i32, Option<(i32, i32, u8)>);
 
-/// What the header says.
+/// Contents of the header.
 pub(super) struct Header {
     pub version: f64,
     /// File type: N (GPS, or any by version 3), or the system of version 2.
@@ -39,7 +39,7 @@ impl Header {
         }
         if !matches!((system, version < 3.0), ('N', _) | ('G' | 'H' | 'J' | 'E', true)) {
             let problem = format!("the file holds '{kind}'");
-            return Err(lines.malformed(0, problem, "a navigation file says N in column 21"));
+            return Err(lines.malformed(0, problem, "a navigation file has N in column 21"));
         }
         let mut header = Self { version, system, alpha: None, beta: None, utc: None, leap: None };
         for at in 1..lines.lines.len() {

@@ -3,7 +3,7 @@
 use crate::GpsTime;
 use crate::format::records::{Line, ReadError};
 
-/// The lines of a file, with their places for error messages.
+/// The lines of a file, with their numbers for error messages.
 pub struct Lines<'a> {
     pub file: &'a str,
     pub lines: Vec<&'a str>,

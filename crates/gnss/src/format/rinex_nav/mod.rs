@@ -1,9 +1,9 @@
 //! Reader of RINEX navigation files: versions 2.10 to 2.12, 3.0x and 4.0x, GPS and QZSS LNAV.
 //!
 //! Sources: RINEX 2.11 table A3-A4, 3.05 tables A5-A6 and A13, 4.01 sections 5.2 to 5.4. Records of
-//! other systems and message types are skipped and counted. Read as tolerantly as files in the wild
-//! need (D exponents, labels in any case, CRLF, blank optional fields, a last line left out), and never
-//! with a guess: what is wrong comes back with file, line and what would be right.
+//! other systems and message types are skipped and counted. Deviations of
+//! real files are accepted (D exponents, labels in any case, CRLF, blank optional fields, a missing last line);
+//! errors name file, line and what is valid.
 
 mod header;
 mod lines;
@@ -21,7 +21,10 @@ use header::{Header, utc_parameters};
 use lines::Lines;
 use std::path::Path;
 
-/// What a navigation file holds.
+/// Weeks after which the 10 bits of a week number start anew.
+const WEEKS_PER_CYCLE: i64 = 1 << 10;
+
+/// Contents of a navigation file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NavigationFile {
     /// The format's version, such as 3.04.
@@ -120,8 +123,8 @@ fn ephemeris(
     let toe = toc.nearest_with_tow(within(12, "toe", 0.0, SECONDS_PER_WEEK as f64)?);
     if let Some(week) = field(22)? {
         // The week goes with toe, or with the transmission at most a fit interval away.
-        let off = (week as i64 - i64::from(toe.week())).rem_euclid(1024);
-        if !matches!(off, 0 | 1 | 1023) {
+        let off = (week as i64 - i64::from(toe.week())).rem_euclid(WEEKS_PER_CYCLE);
+        if (off + 1) % WEEKS_PER_CYCLE > 2 {
             let problem =
                 format!("week {week} of {sv} does not go with its epoch, in week {}", toc.week());
             return Err(lines.malformed(first + 5, problem, "both are of the same week"));
@@ -131,13 +134,13 @@ fn ephemeris(
     let sent = field(28)?.filter(|tow| tow.abs() <= 2.0 * SECONDS_PER_WEEK as f64);
     Ok(Ephemeris {
         sv,
-        iodc: within(27, "IODC", 0.0, 1023.0)? as u16,
+        iodc: within(27, "IODC", 0.0, f64::from((1u16 << 10) - 1))? as u16,
         iode: within(4, "IODE", 0.0, 255.0)? as u8,
         ura_index: field(24)?.map_or(15, ura_index),
         health: within(25, "health", 0.0, 63.0)? as u8,
         l2_codes: field(21)?.map_or(0, |v| v.clamp(0.0, 3.0) as u8),
         l2_p_data: field(23)?.is_some_and(|v| v != 0.0),
-        // Hours, or as older writers and QZSS have it the flag itself.
+        // Hours, or from older writers and of QZSS the flag itself.
         fit_interval_flag: fit == 1.0 || fit > 4.0,
         toc,
         toe,

@@ -139,7 +139,7 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
         ("hello\n".to_owned(), "line 1: this is no RINEX file"),
         (
             edit("NAVIGATION DATA ", "OBSERVATION DATA"),
-            "line 1: the file holds 'OBSERVATION DATA'; a navigation file says N",
+            "line 1: the file holds 'OBSERVATION DATA'; a navigation file has N",
         ),
         (edit("     2.11 ", "     9.00 "), "line 1: version 9 is not known; versions 2.10 to"),
         (
@@ -174,7 +174,7 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
     for (text, message) in cases {
         let error = parse(&text, "brdc.22n").unwrap_err().to_string();
         assert!(error.starts_with("reading RINEX brdc.22n, line"), "{error}");
-        assert!(error.contains(message), "'{error}' should say '{message}'");
+        assert!(error.contains(message), "'{error}' should contain '{message}'");
     }
     let v4 = labelled("     4.00           N: GNSS NAV DATA", "RINEX VERSION / TYPE")
         + &labelled("", "END OF HEADER")

@@ -8,7 +8,7 @@ pub(crate) fn header_line(contents: &str, label: &str) -> String {
     format!("{contents:<60}{label:<20}\n")
 }
 
-/// Program, and blank run-by and date: the same results give the same bytes.
+/// Program, with blank run-by and date: the same results give the same bytes.
 pub(crate) fn program_line() -> String {
     let program = concat!("sdr-rx ", env!("CARGO_PKG_VERSION"));
     header_line(&format!("{program:<40}"), "PGM / RUN BY / DATE")

@@ -1,4 +1,4 @@
-//! The header of a RINEX observation file, and where a satellite's signals stand in its records.
+//! The header of a RINEX observation file, and the fields of a satellite's signals in its records.
 
 use super::Source;
 use crate::format::records::Line;
@@ -7,7 +7,7 @@ use crate::{Constellation, GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
 use std::io::BufRead;
 
-/// What the header of an observation file says.
+/// Contents of the header of an observation file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObservationHeader {
     /// The format's version, such as 3.04.
@@ -22,7 +22,7 @@ pub struct ObservationHeader {
     pub interval_s: Option<f64>,
 }
 
-/// Fields of a satellite's record, by their place in it.
+/// Fields of a satellite's record, by their index in it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Fields {
     /// Number of fields of a record.
@@ -34,7 +34,7 @@ pub(super) struct Fields {
     pub strength: Option<usize>,
 }
 
-/// Where the signals stand, and what times mean.
+/// Fields of the signals, and time system.
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     pub version: f64,
@@ -76,7 +76,7 @@ pub(super) fn read<R: BufRead>(
     let kind = first.columns(20, 20);
     if !kind.starts_with(['O', 'o']) {
         let problem = format!("the file holds '{kind}'");
-        return Err(first.malformed(problem, "an observation file says O in column 21"));
+        return Err(first.malformed(problem, "an observation file has O in column 21"));
     }
     let system = first.columns(40, 1).chars().next().unwrap_or('G').to_ascii_uppercase();
     let mut header = ObservationHeader { version, ..ObservationHeader::default() };
@@ -121,7 +121,7 @@ fn three(line: &Line) -> Result<Vector3<f64>, ReadError> {
 }
 
 impl Signals {
-    /// Takes a header line that says where observations stand or what times mean, if it does; such lines
+    /// Takes a header line, if it concerns the fields of observations or the time system; such lines
     /// come in event records too.
     pub fn take(&mut self, line: &Line) -> Result<(), ReadError> {
         match line.columns(60, 20).to_ascii_uppercase().as_str() {
@@ -179,12 +179,12 @@ impl Signals {
     /// Finds the fields of L1 C/A in the lists of names.
     pub fn resolve(&mut self) {
         let fields = |system: char, signal: &Signal| {
-            let place = |name: &str| self.place(system, name);
+            let index = |name: &str| self.index(system, name);
             let named = |kind: char| match self.version < 3.0 {
-                true => place(&format!("{kind}1")),
-                false => place(&format!("{kind}{}", signal.rinex)),
+                true => index(&format!("{kind}1")),
+                false => index(&format!("{kind}{}", signal.rinex)),
             };
-            let precise = if self.version < 3.0 { place("P1") } else { None };
+            let precise = if self.version < 3.0 { index("P1") } else { None };
             Fields {
                 count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
                 code: named('C').into_iter().chain(precise).collect(),
@@ -197,16 +197,16 @@ impl Signals {
         (self.gps, self.qzss) = (fields('G', &GPS_L1_CA), fields(qzss, &QZSS_L1_CA));
     }
 
-    /// The place of a type of observation in the records of a system.
-    fn place(&self, system: char, name: &str) -> Option<usize> {
+    /// The index of a type of observation in the records of a system.
+    fn index(&self, system: char, name: &str) -> Option<usize> {
         let (.., names) = self.names.iter().find(|n| n.0 == system)?;
         names.iter().position(|n| n.eq_ignore_ascii_case(name))
     }
 
     /// The same, for the records of a satellite.
-    pub fn place_of(&self, sv: Sv, name: &str) -> Option<usize> {
+    pub fn index_of(&self, sv: Sv, name: &str) -> Option<usize> {
         let qzss = self.version >= 3.0 && sv.constellation() == Constellation::Qzss;
-        self.place(if qzss { 'J' } else { 'G' }, name)
+        self.index(if qzss { 'J' } else { 'G' }, name)
     }
 
     /// GPS time of a date as the file prints it.

@@ -8,9 +8,8 @@
 //!
 //! [`ObservationReader::next_pseudoranges`] gives the pseudoranges of other signals too, by their names.
 //!
-//! Read as tolerantly as files in the wild need: labels in any case, D exponents, CRLF, comments between
-//! any lines, missing trailing fields, event records and cycle-slip records. What is wrong comes back with
-//! file, line and what would be right.
+//! Deviations of real files are accepted: labels in any case, D exponents, CRLF, comments between any lines,
+//! missing trailing fields, event records and cycle-slip records. Errors name file, line and what is valid.
 
 mod header;
 mod records;
@@ -51,7 +50,7 @@ pub struct ObservationReader<R> {
 pub struct PseudorangeEpoch {
     /// Receive instant by the receiver's clock.
     pub receive_time: GpsTime,
-    /// Each satellite with its pseudoranges, m, in the order of the signals asked for; none where it is missing.
+    /// Each satellite with its pseudoranges, m, in the order of the signals requested; none where it is missing.
     pub satellites: Vec<(Sv, Vec<Option<f64>>)>,
 }
 
@@ -81,7 +80,7 @@ impl<R: BufRead> ObservationReader<R> {
         Ok(Self { source, header, signals, first: None, skipped: 0, ended: false })
     }
 
-    /// What the header says.
+    /// The header.
     pub fn header(&self) -> &ObservationHeader {
         &self.header
     }
@@ -91,14 +90,14 @@ impl<R: BufRead> ObservationReader<R> {
     /// of them are skipped.
     ///
     /// # Errors
-    /// When the record is malformed, with file, line and what would be right; the file ends there.
+    /// When the record is malformed, with file, line and what is valid; the file ends there.
     pub fn next_pseudoranges(
         &mut self,
         signals: &[&str],
     ) -> Result<Option<PseudorangeEpoch>, ReadError> {
-        let epoch = self.next_epoch(|sv, places, field| {
+        let epoch = self.next_epoch(|sv, fields, field| {
             let range = |name: &&str| {
-                let value = places.place_of(sv, name).map(|k| field(k).value());
+                let value = fields.index_of(sv, name).map(|k| field(k).value());
                 Ok(value.transpose()?.flatten().filter(|range| *range > 0.0))
             };
             let ranges: Vec<Option<f64>> = signals.iter().map(range).collect::<Result<_, _>>()?;
@@ -192,7 +191,7 @@ impl<R: BufRead> Source<R> {
         }
     }
 
-    /// Goes to the next line, which must be there: `what` says what it holds.
+    /// Goes to the next line, which must be there: `what` names it in errors.
     fn expect(&mut self, what: &str) -> Result<(), ReadError> {
         if self.advance()? {
             return Ok(());

@@ -11,10 +11,10 @@ use std::io::BufRead;
 const FIELDS_PER_LINE: usize = 5;
 /// Satellites on the first line of an epoch of version 2, and on each that continues it.
 const NAMES_PER_LINE: usize = 12;
-/// C/N0 that is believed, dB-Hz: files in other units lie outside.
+/// C/N0 that is accepted, dB-Hz: files in other units lie outside.
 const BELIEVED_DBHZ: std::ops::Range<f64> = 5.0..75.0;
 
-/// An epoch, with what was taken of each satellite's record.
+/// An epoch, with what `take` made of each satellite's record.
 pub(super) struct Epoch<T> {
     pub receive_time: GpsTime,
     /// Power failed since the epoch before.
@@ -22,8 +22,8 @@ pub(super) struct Epoch<T> {
     pub satellites: Vec<T>,
 }
 
-/// The next epoch, none at the end of the file. `take` makes of a satellite's fields, by their places, what is
-/// wanted; none if they hold nothing of it.
+/// The next epoch, none at the end of the file. `take` converts a satellite's fields, given by
+/// their indices; none if they hold nothing of interest.
 pub(super) fn next_epoch<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     take: impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,

@@ -119,7 +119,7 @@ fn pseudoranges_of_any_signals_are_read_by_name() {
     assert_eq!(ranges, [[None, Some(21_276_226.827)], [None, Some(38e6)]]);
 }
 
-/// Code deviation at a C/N0.
+/// Standard deviation of the code at a C/N0.
 fn typical(cn0_dbhz: f64) -> f64 {
     crate::observation::typical_noise(Some(cn0_dbhz)).0
 }
@@ -213,7 +213,7 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
     for (text, message) in cases {
         let error = read(&text).unwrap_err().to_string();
         assert!(error.starts_with("reading RINEX x.obs, line"), "{error}");
-        assert!(error.contains(message), "'{error}' should say '{message}'");
+        assert!(error.contains(message), "'{error}' should contain '{message}'");
     }
     let missing = open("no/such/file").err().unwrap().to_string();
     assert!(missing.starts_with("reading the RINEX file no/such/file: "), "{missing}");

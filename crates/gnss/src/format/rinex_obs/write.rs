@@ -8,8 +8,9 @@ use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// Observations as a file, `position_m` (ECEF) as its approximate position. Doppler is positive when the satellite approaches, the carrier phase grows
-/// with the pseudorange, and code ranges known only modulo a code period are left out (blank). Times and
+/// Observations as a file, `position_m` (ECEF) as its approximate position. Doppler is positive when the
+/// satellite approaches, the carrier phase grows with the pseudorange, and code ranges known only modulo a code
+/// period are left out (blank). Times and
 /// ranges are by the receiver's clock; no offset is applied.
 pub fn write(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
     let signals = signals(epochs);

@@ -1,10 +1,10 @@
-//! One walk over the fields of a subframe that reads or writes them: encoder and decoder share it.
+//! One description of the fields of a subframe for both encoder and decoder.
 
 use super::LnavError;
 use crate::constants::GPS_PI;
 
-/// Where a field lies: runs of (word 1..=10, first bit 1..=24, number of bits), most significant first.
-pub(super) type Place<'a> = &'a [(usize, u32, u32)];
+/// Position of a field: runs of (word 1..=10, first bit 1..=24, number of bits), most significant first.
+pub(super) type Position<'a> = &'a [(usize, u32, u32)];
 
 /// The 24 source bits (d1 = bit 23) of the ten words of a subframe.
 pub type DataWords = [u32; 10];
@@ -19,7 +19,7 @@ pub(super) struct Walk {
 
 /// A struct whose fields lie in a subframe.
 pub(super) trait Fields: Default + Clone {
-    /// Names every field with its place and scale, in the order of the subframe.
+    /// Names every field with its position and scale, in the order of the subframe.
     fn walk(&mut self, w: &mut Walk);
 
     /// Reads the struct from the source bits of a subframe.
@@ -38,15 +38,15 @@ pub(super) trait Fields: Default + Clone {
 }
 
 impl Walk {
-    fn get(&self, place: Place) -> u32 {
-        place.iter().fold(0, |value, &(word, first, bits)| {
+    fn get(&self, position: Position) -> u32 {
+        position.iter().fold(0, |value, &(word, first, bits)| {
             let run = self.words[word - 1] >> (25 - first - bits) & ((1 << bits) - 1);
             (u64::from(value) << bits) as u32 | run
         })
     }
 
-    fn put(&mut self, place: Place, mut value: u32) {
-        for &(word, first, bits) in place.iter().rev() {
+    fn put(&mut self, position: Position, mut value: u32) {
+        for &(word, first, bits) in position.iter().rev() {
             let shift = 25 - first - bits;
             let mask = (1u32 << bits) - 1;
             self.words[word - 1] &= !(mask << shift);
@@ -60,27 +60,27 @@ impl Walk {
     }
 
     /// An unsigned integer.
-    pub fn count<T>(&mut self, name: &'static str, value: &mut T, place: Place)
+    pub fn count<T>(&mut self, name: &'static str, value: &mut T, position: Position)
     where
         T: Copy + Into<u32> + TryFrom<u32>,
     {
         if self.writing {
-            let max = (1u64 << width(place)) - 1;
+            let max = (1u64 << width(position)) - 1;
             match (*value).into() {
-                v if u64::from(v) <= max => self.put(place, v),
+                v if u64::from(v) <= max => self.put(position, v),
                 v => self.fail(name, v.into(), 0.0, max as f64),
             }
-        } else if let Ok(v) = T::try_from(self.get(place)) {
+        } else if let Ok(v) = T::try_from(self.get(position)) {
             *value = v;
         }
     }
 
     /// One bit.
-    pub fn flag(&mut self, value: &mut bool, place: Place) {
+    pub fn flag(&mut self, value: &mut bool, position: Position) {
         if self.writing {
-            self.put(place, u32::from(*value));
+            self.put(position, u32::from(*value));
         } else {
-            *value = self.get(place) != 0;
+            *value = self.get(position) != 0;
         }
     }
 
@@ -89,11 +89,11 @@ impl Walk {
         &mut self,
         name: &'static str,
         value: &mut f64,
-        place: Place,
+        position: Position,
         exponent: i32,
         signed: bool,
     ) {
-        let (lsb, bits) = (2f64.powi(exponent), width(place));
+        let (lsb, bits) = (2f64.powi(exponent), width(position));
         let (min, max) = if signed {
             (-(1i64 << (bits - 1)), (1i64 << (bits - 1)) - 1)
         } else {
@@ -102,20 +102,26 @@ impl Walk {
         if self.writing {
             let count = (*value / lsb).round();
             if (min as f64..=max as f64).contains(&count) {
-                self.put(place, count as i64 as u32);
+                self.put(position, count as i64 as u32);
             } else {
                 self.fail(name, *value, min as f64 * lsb, max as f64 * lsb);
             }
         } else {
-            let raw = i64::from(self.get(place));
+            let raw = i64::from(self.get(position));
             *value = (if raw > max { raw - (1i64 << bits) } else { raw }) as f64 * lsb;
         }
     }
 
     /// A signed real number of unit 2^`exponent` semicircles (or semicircles/s), kept in rad (rad/s).
-    pub fn semicircles(&mut self, name: &'static str, rad: &mut f64, place: Place, exponent: i32) {
+    pub fn semicircles(
+        &mut self,
+        name: &'static str,
+        rad: &mut f64,
+        position: Position,
+        exponent: i32,
+    ) {
         let mut value = *rad / GPS_PI;
-        self.real(name, &mut value, place, exponent, true);
+        self.real(name, &mut value, position, exponent, true);
         if !self.writing {
             *rad = value * GPS_PI;
         }
@@ -123,16 +129,16 @@ impl Walk {
 
     /// An angle of unit 2^`exponent` semicircles in a field as wide as the circle, kept in rad; any
     /// number of turns may be added to it.
-    pub fn angle(&mut self, name: &'static str, rad: &mut f64, place: Place, exponent: i32) {
+    pub fn angle(&mut self, name: &'static str, rad: &mut f64, position: Position, exponent: i32) {
         if self.writing && rad.is_finite() {
             let count = (*rad / GPS_PI / 2f64.powi(exponent)).round();
-            self.put(place, count.rem_euclid(2f64.powi(width(place) as i32)) as u64 as u32);
+            self.put(position, count.rem_euclid(2f64.powi(width(position) as i32)) as u64 as u32);
         } else {
-            self.semicircles(name, rad, place, exponent);
+            self.semicircles(name, rad, position, exponent);
         }
     }
 }
 
-fn width(place: Place) -> u32 {
-    place.iter().map(|run| run.2).sum()
+fn width(position: Position) -> u32 {
+    position.iter().map(|run| run.2).sum()
 }

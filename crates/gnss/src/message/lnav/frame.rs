@@ -9,17 +9,17 @@
 //! 4. the subframe number is 1 to 5 and the TOW count below 100 800, and
 //! 5. the TOW count continues that of the subframe before, as far as bits without a gap lead back to one.
 //!
-//! So the first subframe that is there whole is found, without a second preamble to confirm it. A window
+//! So the first complete subframe is found, without a second preamble to confirm it. A window
 //! of random bits passes with probability 2 x 2^-8 (1) x 2^-60 (2) x 2^-4 (3) x 5/8 x 0.77 (4) = 2e-22:
 //! at 50 bit/s once in 3e12 years a channel.
 //!
 //! Each subframe has its own polarity, so a half-cycle slip costs the subframe that it falls into and no
-//! other. Within a subframe it is fatal on purpose: of words that a slip corrupts one in 64 keeps parity,
-//! but the slip turns the 00 at the end of word 10 into 11. Repair of weak bits is left out for the same
-//! reason: the code detects three errors a word, and a repair would spend that.
+//! other. That subframe is refused: of words that a slip corrupts one in 64 keeps parity, but the slip turns
+//! the 00 at the end of word 10 into 11. Weak bits are not corrected: the code detects three errors a word, and
+//! correction would weaken that.
 
 use super::{
-    DataWords, Header, Message, PREAMBLE, SUBFRAME_BITS, SUBFRAME_SECONDS, TOW_COUNTS,
+    DataWords, Header, LnavMessage, PREAMBLE, SUBFRAME_BITS, SUBFRAME_SECONDS, TOW_COUNTS,
     decode_subframe, decode_words,
 };
 use crate::message::{Content, MessageDecoder, Page};
@@ -29,11 +29,11 @@ use crate::message::{Content, MessageDecoder, Page};
 pub struct Subframe {
     /// Index of its first bit, as the caller counts.
     pub start_index: u64,
-    /// Whether the received bits were upside down.
+    /// Whether the received bits were inverted.
     pub inverted: bool,
     /// Telemetry and handover words: subframe number, flags, time.
     pub header: Header,
-    /// Source bits of the ten words, upright.
+    /// Source bits of the ten words, not inverted.
     pub words: DataWords,
 }
 
@@ -48,9 +48,9 @@ impl Subframe {
         self.header.tow()
     }
 
-    /// What it says.
-    pub fn message(&self) -> Message {
-        Message::decode(&self.words)
+    /// Its message.
+    pub fn message(&self) -> LnavMessage {
+        LnavMessage::decode(&self.words)
     }
 
     /// Whether `next` has the time of week that follows from this one's.
@@ -63,7 +63,8 @@ impl Subframe {
     }
 }
 
-/// Finds subframes in the bits of one satellite; their polarity is open. Cost: a shift of five words and a comparison per bit;
+/// Finds subframes in the bits of one satellite; their polarity is open. Cost: a shift of five words and a
+/// comparison per bit;
 /// parity is computed only where a preamble stands.
 #[derive(Clone, Debug, Default)]
 pub struct FrameDecoder {
@@ -75,7 +76,7 @@ pub struct FrameDecoder {
 }
 
 impl FrameDecoder {
-    /// A decoder that has seen no bit.
+    /// A decoder without bits.
     pub fn new() -> Self {
         Self::default()
     }
@@ -105,7 +106,7 @@ impl FrameDecoder {
         let (header, _) = decode_subframe(&words);
         let start_index = (index + 1).saturating_sub(SUBFRAME_BITS as u64);
         let found = Subframe { start_index, inverted, header, words };
-        // Of two that contradict each other neither is believed longer than it must be.
+        // Of two inconsistent subframes neither is used as a reference any longer.
         match self.last_subframe.take() {
             Some(last) if !last.leads_to(&found) => None,
             _ => {
@@ -155,14 +156,14 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Soft bits of `count` subframes from time of week `tow`, with telling but various contents.
+    /// Soft bits of `count` subframes from time of week `tow`, with various contents.
     fn frames(count: u32, tow: f64) -> Vec<f32> {
         let mut bits = Vec::new();
         for k in 0..count {
             let header = Header::new((k % 5 + 1) as u8, tow + 6.0 * f64::from(k));
             let message = match k % 5 {
-                0 => Message::Clock(Subframe1 { week: 142, iodc: 39, ..Subframe1::default() }),
-                id => Message::Other(id as u8),
+                0 => LnavMessage::Clock(Subframe1 { week: 142, iodc: 39, ..Subframe1::default() }),
+                id => LnavMessage::Other(id as u8),
             };
             for word in encode_subframe(&header, &message).unwrap() {
                 bits.extend((0..30).rev().map(|b| if word >> b & 1 == 1 { -1.0f32 } else { 1.0 }));
@@ -234,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_subframe_that_contradicts_the_time_of_the_one_before_is_refused() {
+    fn a_subframe_inconsistent_with_the_time_of_the_one_before_is_refused() {
         let bits = [frames(1, 600.0), frames(2, 900.0)].concat();
         let tows: Vec<f64> = decode(&bits).iter().map(Subframe::tow).collect();
         assert_eq!(tows, [600.0, 906.0]);

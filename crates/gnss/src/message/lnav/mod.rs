@@ -3,8 +3,8 @@
 //!
 //! A subframe is ten words of 30 bits at 50 bit/s, so 6 s; five subframes are a frame. Bits are named as
 //! there: D1 is sent first. In a `u32`, D1 of a 30-bit word is bit 29 and d1 of 24 source bits is bit 23.
-//! Each message is a struct whose fields are walked in one place, with word, first bit, length, scale
-//! and sign, by encoder and decoder alike; values are in SI units and rad.
+//! Each message is a struct whose fields are described once, with word, first bit, length, scale and sign, for
+//! encoder and decoder; values are in SI units and rad.
 //!
 //! Weeks are sent modulo 1024 (or 256); [`resolve_week`] picks the full week nearest a reference.
 
@@ -33,7 +33,7 @@ pub const DATA_ID_REPEATED: u8 = 0;
 pub const SUBFRAME_SECONDS: f64 = 6.0;
 /// Number of subframes in a week: TOW counts run from 0 to one less.
 pub const TOW_COUNTS: u32 = 100_800;
-/// Reference week where nothing better is known: weeks modulo 1024 then mean 2048 to 3071 (2019-04-07
+/// Reference week without other information: weeks modulo 1024 then mean 2048 to 3071 (2019-04-07
 /// to 2038-11-20).
 pub const DEFAULT_REFERENCE_WEEK: i32 = 2560;
 
@@ -49,9 +49,9 @@ pub enum LnavError {
         name: &'static str,
         /// The value, in the field's unit (semicircles for angles).
         value: f64,
-        /// Least value.
+        /// Minimum value.
         min: f64,
-        /// Greatest value.
+        /// Maximum value.
         max: f64,
     },
 }
@@ -65,7 +65,7 @@ pub struct Header {
     pub integrity: bool,
     /// TOW count of the start of the NEXT subframe: units of 6 s, 0 to 100 799.
     pub tow_count: u32,
-    /// Alert flag: the satellite may be worse than its URA says.
+    /// Alert flag: the satellite may be worse than its URA.
     pub alert: bool,
     /// Whether anti-spoofing is on.
     pub anti_spoof: bool,
@@ -105,9 +105,9 @@ impl Header {
     }
 }
 
-/// What words 3 to 10 of a subframe say.
+/// Contents of words 3 to 10 of a subframe.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Message {
+pub enum LnavMessage {
     /// Subframe 1: clock.
     Clock(Subframe1),
     /// Subframe 2: first half of the ephemeris.
@@ -127,7 +127,7 @@ pub enum Message {
     Other(u8),
 }
 
-impl Message {
+impl LnavMessage {
     /// The message in decoded `words`.
     pub fn decode(words: &DataWords) -> Self {
         let sv_id = (words[2] >> 16 & 0x3F) as u8;
@@ -167,14 +167,14 @@ impl Message {
 
 /// The ten 30-bit words as sent (D1 = bit 29) of one subframe of GPS. Parity starts from D29* = D30* = 0,
 /// which every subframe's last word guarantees for the next, and so does this one.
-pub fn encode_subframe(header: &Header, message: &Message) -> Result<[u32; 10], LnavError> {
+pub fn encode_subframe(header: &Header, message: &LnavMessage) -> Result<[u32; 10], LnavError> {
     encode_with_data_id(header, message, DATA_ID_GPS)
 }
 
 /// The same with another data ID on the pages of subframes 4 and 5, such as [`DATA_ID_REPEATED`].
 pub fn encode_with_data_id(
     header: &Header,
-    message: &Message,
+    message: &LnavMessage,
     data_id: u8,
 ) -> Result<[u32; 10], LnavError> {
     let mut data = header.write(message.write(data_id)?)?;
@@ -201,8 +201,8 @@ pub fn decode_words(words: &[u32; 10], mut tail: parity::Tail) -> Option<DataWor
 }
 
 /// Header and message of decoded words.
-pub fn decode_subframe(words: &DataWords) -> (Header, Message) {
-    (Header::read(words), Message::decode(words))
+pub fn decode_subframe(words: &DataWords) -> (Header, LnavMessage) {
+    (Header::read(words), LnavMessage::decode(words))
 }
 
 /// The full week whose low `bits` bits are `week` and that is nearest `reference_week` (of two equally

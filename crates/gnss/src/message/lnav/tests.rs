@@ -6,7 +6,7 @@ use crate::navigation_data::UtcParameters;
 use crate::orbit::broadcast::sample_ephemeris;
 use proptest::prelude::*;
 
-fn round_trip(header: &Header, message: &Message) -> (Header, Message) {
+fn round_trip(header: &Header, message: &LnavMessage) -> (Header, LnavMessage) {
     let sent = encode_subframe(header, message).unwrap();
     assert_eq!(sent[1] & 3, 0, "the HOW ends in 00");
     assert_eq!(sent[9] & 3, 0, "word 10 ends in 00");
@@ -32,7 +32,7 @@ fn subframe_one_is_laid_out_as_the_interface_specification_draws_it() {
         af1: -88.0 * 2f64.powi(-43),
         af0: 3.0 * 2f64.powi(-31),
     };
-    let sent = encode_subframe(&Header::new(1, 511_218.0), &Message::Clock(s1)).unwrap();
+    let sent = encode_subframe(&Header::new(1, 511_218.0), &LnavMessage::Clock(s1)).unwrap();
     let data = decode_words(&sent, 0).unwrap();
     assert_eq!(data[0], 0x8B << 16);
     assert_eq!(data[1] >> 2, (511_218 / 6 + 1) << 5 | 1);
@@ -48,13 +48,13 @@ fn subframe_one_is_laid_out_as_the_interface_specification_draws_it() {
 fn an_ephemeris_survives_the_signal_to_half_a_unit_of_each_field() {
     let eph = sample_ephemeris();
     let frame_tow = 511_200.0;
-    let send = |id: u8, message: Message| {
+    let send = |id: u8, message: LnavMessage| {
         round_trip(&Header::new(id, frame_tow + 6.0 * f64::from(id - 1)), &message).1
     };
-    let (Message::Clock(s1), Message::Orbit(s2), Message::Orientation(s3)) = (
-        send(1, Message::Clock(Subframe1::new(&eph, 2190))),
-        send(2, Message::Orbit((&eph).into())),
-        send(3, Message::Orientation((&eph).into())),
+    let (LnavMessage::Clock(s1), LnavMessage::Orbit(s2), LnavMessage::Orientation(s3)) = (
+        send(1, LnavMessage::Clock(Subframe1::new(&eph, 2190))),
+        send(2, LnavMessage::Orbit((&eph).into())),
+        send(3, LnavMessage::Orientation((&eph).into())),
     ) else {
         panic!("each subframe decodes to its own kind")
     };
@@ -103,8 +103,8 @@ fn reference_times_beyond_the_week_crossover_are_those_nearest_the_transmission(
 fn an_almanac_made_of_an_ephemeris_puts_the_satellite_where_the_ephemeris_does() {
     let eph = sample_ephemeris();
     let toa = GpsTime::from_week_tow(2191, 4096.0);
-    let Message::Almanac(alm) =
-        round_trip(&Header::new(5, 0.0), &Message::Almanac(Almanac::new(&eph, toa))).1
+    let LnavMessage::Almanac(alm) =
+        round_trip(&Header::new(5, 0.0), &LnavMessage::Almanac(Almanac::new(&eph, toa))).1
     else {
         panic!("an almanac page")
     };
@@ -126,10 +126,11 @@ fn an_almanac_made_of_an_ephemeris_puts_the_satellite_where_the_ephemeris_does()
 #[test]
 fn values_that_do_not_fit_are_refused_with_their_name() {
     let eph = crate::Ephemeris { tgd: 1e-6, ..sample_ephemeris() };
-    let error = encode_subframe(&Header::new(1, 0.0), &Message::Clock(Subframe1::new(&eph, 2190)));
+    let error =
+        encode_subframe(&Header::new(1, 0.0), &LnavMessage::Clock(Subframe1::new(&eph, 2190)));
     assert!(error.unwrap_err().to_string().contains("T_GD = 1e-6 does not fit"));
     let nan = crate::Ephemeris { m0: f64::NAN, ..sample_ephemeris() };
-    assert!(encode_subframe(&Header::new(2, 0.0), &Message::Orbit((&nan).into())).is_err());
+    assert!(encode_subframe(&Header::new(2, 0.0), &LnavMessage::Orbit((&nan).into())).is_err());
 }
 
 #[test]
@@ -180,8 +181,8 @@ proptest! {
         let tot = GpsTime::from_week_tow(week, f64::from(tot) * 4096.0);
         let utc = UtcParameters { a0, a1, tot, delta_t_ls: ls, delta_t_lsf: lsf, wn_lsf: week + off, day };
         let page = IonosphereUtc::new(klobuchar, &utc);
-        let (_, message) = round_trip(&Header::new(4, 18.0), &Message::IonosphereUtc(page));
-        let Message::IonosphereUtc(back) = message else { panic!("page 18") };
+        let (_, message) = round_trip(&Header::new(4, 18.0), &LnavMessage::IonosphereUtc(page));
+        let LnavMessage::IonosphereUtc(back) = message else { panic!("page 18") };
         for (k, (ea, eb)) in [(-30, 11), (-27, 14), (-24, 16), (-24, 16)].into_iter().enumerate() {
             prop_assert!((back.klobuchar.alpha[k] - klobuchar.alpha[k]).abs() <= 2f64.powi(ea - 1));
             prop_assert!((back.klobuchar.beta[k] - klobuchar.beta[k]).abs() <= 2f64.powi(eb - 1));
@@ -194,8 +195,8 @@ proptest! {
     #[test]
     fn orbit_angles_round_trip_over_whole_turns(m0 in -10.0f64..10.0, e in 0.0f64..0.49, toe in 0u32..37_800) {
         let s2 = Subframe2 { m0, e, toe: f64::from(toe) * 16.0, ..Subframe2::default() };
-        let (_, message) = round_trip(&Header::new(2, 6.0), &Message::Orbit(s2.clone()));
-        let Message::Orbit(back) = message else { panic!("subframe 2") };
+        let (_, message) = round_trip(&Header::new(2, 6.0), &LnavMessage::Orbit(s2.clone()));
+        let LnavMessage::Orbit(back) = message else { panic!("subframe 2") };
         let turn = 2.0 * GPS_PI;
         let miss = (back.m0 - m0 + GPS_PI).rem_euclid(turn) - GPS_PI;
         // Half a unit, and rounding of the turn.
@@ -212,10 +213,10 @@ proptest! {
     ) {
         let [integrity, alert, anti_spoof] = flags;
         let header = Header { telemetry, integrity, tow_count, alert, anti_spoof, id: 5 };
-        let page = Message::Health1To24(Health1To24 { toa: f64::from(toa) * 4096.0, week_a, health });
+        let page = LnavMessage::Health1To24(Health1To24 { toa: f64::from(toa) * 4096.0, week_a, health });
         prop_assert_eq!(round_trip(&header, &page), (header.clone(), page));
         let header = Header { id: 4, ..header };
-        let page = Message::Health25To32(Health25To32 { configuration, health: more });
+        let page = LnavMessage::Health25To32(Health25To32 { configuration, health: more });
         prop_assert_eq!(round_trip(&header, &page), (header.clone(), page));
     }
 
@@ -230,13 +231,13 @@ proptest! {
 /// 61 holds an ionosphere of Japan alone (IS-QZSS-PNT-005 4.1.2.6).
 #[test]
 fn pages_are_read_by_their_data_id() {
-    let page = Message::IonosphereUtc(IonosphereUtc { delta_t_ls: 18.0, ..Default::default() });
-    let read = |message: &Message, data_id| {
+    let page = LnavMessage::IonosphereUtc(IonosphereUtc { delta_t_ls: 18.0, ..Default::default() });
+    let read = |message: &LnavMessage, data_id| {
         let sent = encode_with_data_id(&Header::new(4, 0.0), message, data_id).unwrap();
         decode_subframe(&decode_words(&sent, 0).unwrap()).1
     };
     assert_eq!(read(&page, DATA_ID_GPS), page);
     assert_eq!(read(&page, DATA_ID_REPEATED), page);
-    assert_eq!(read(&page, 3), Message::Other(56));
-    assert_eq!(read(&Message::Other(61), 3), Message::Other(61));
+    assert_eq!(read(&page, 3), LnavMessage::Other(56));
+    assert_eq!(read(&LnavMessage::Other(61), 3), LnavMessage::Other(61));
 }

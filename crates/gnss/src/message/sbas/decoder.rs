@@ -1,31 +1,31 @@
 //! From the symbols of one SBAS satellite to messages.
 //!
-//! Which two symbols belong to one bit, whether they are upside down and where a message begins is open.
+//! The pairing of symbols to bits, their polarity and the start of a message are unknown.
 //! Two Viterbi decoders run on the two pairings of the symbols. After each bit that one of them gives, its
 //! last 250 bits are a *candidate* if, in one polarity or the other, they begin with one of the three
-//! preambles and keep parity. A candidate is released as a message when it is *in step* with another of
-//! the same pairing: 1 to 4 messages after it to the symbol, with the preamble whose turn it is. The first
-//! of a series waits for its second and is released with it, so none is lost.
+//! preambles and keep parity. A candidate is released as a message when it is *synchronous* with another
+//! of the same pairing: 1 to 4 messages after it to the symbol, with the next preamble in turn. The first of
+//! a series waits for its second and is released with it, so none is lost.
 //!
 //! **False alarms.** Random bits are a candidate with probability 2 x 3 x 2^-8 x 2^-24 = 1.4e-9, which at
-//! 2 x 250 windows a second would be one in 17 days for each channel that tracks noise. In step with it
-//! must be one at 4 places of probability 2 x 2^-8 x 2^-24: 1.4e-9 x 1.9e-9 x 500/s = 1.3e-15/s, once in
+//! 2 x 250 windows a second would be one in 17 days for each channel that tracks noise. Synchronous with
+//! it must be one at 4 positions of probability 2 x 2^-8 x 2^-24: 1.4e-9 x 1.9e-9 x 500/s = 1.3e-15/s, once in
 //! 24 million years. Right after true messages end, noise passes with probability 1.9e-9.
 //!
-//! **Nothing is locked.** What the decoder remembers of pairing, polarity and place is the last candidate
-//! of each pairing, and each message must be in step anew: after a slip of a symbol the other pairing takes
-//! over with its second message, a half-cycle slip costs the message that it falls into, and a candidate
+//! **No state of lock.** Pairing, polarity and position are those of the last candidate of each pairing, and
+//! each message must be synchronous with one: after the loss of a symbol the other pairing takes over with its
+//! second message, a half-cycle slip costs the message that it falls into, and a candidate
 //! by chance costs at most the first message of a series.
 //!
 //! A message is given [`Viterbi::DELAY`] bits (0.256 s) after its last symbol, the first of
 //! a series with its second: that one comes with the next symbol.
 
-use super::{MESSAGE_BITS, MESSAGE_SYMBOLS, Message, MessageBits, preamble_of};
+use super::{MESSAGE_BITS, MESSAGE_SYMBOLS, MessageBits, SbasMessage, preamble_of};
 use crate::message::convolutional::{SecondOutput, Viterbi};
 use crate::message::{Content, MessageDecoder, Page, crc24q};
 use std::collections::VecDeque;
 
-/// How many messages after the last candidate one may follow in step: three may be lost in between.
+/// A candidate is synchronous up to so many messages after the last one: three may be lost in between.
 const MAX_STEP: u64 = 4;
 
 /// Finds messages in the symbols of one satellite. Cost: one step of a Viterbi decoder a symbol; the parity
@@ -38,7 +38,7 @@ pub struct SbasDecoder {
 }
 
 impl SbasDecoder {
-    /// A decoder that has seen no symbol.
+    /// A decoder without symbols.
     pub fn new() -> Self {
         Self {
             last_index: None,
@@ -90,7 +90,7 @@ impl Candidate {
     }
 
     fn release(&mut self, ready: &mut VecDeque<Page>) {
-        if let (false, Some(message)) = (self.released, Message::decode(&self.bits)) {
+        if let (false, Some(message)) = (self.released, SbasMessage::decode(&self.bits)) {
             let (start_index, tow_s) = (self.start_index, message.tow_s());
             ready.push_back(Page { start_index, tow_s, content: Content::Sbas(Box::new(message)) });
         }

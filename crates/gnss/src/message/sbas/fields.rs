@@ -1,4 +1,4 @@
-//! One walk over the fields of a message that reads or writes them: encoder and decoder share it.
+//! One description of the fields of a message for both encoder and decoder.
 
 use super::MessageBits;
 
@@ -86,7 +86,7 @@ impl Walk {
         self.put(width, if fits { count as i64 as u32 } else { 0 });
     }
 
-    /// Bits of no meaning: passed over, written as zeros.
+    /// Unused bits: skipped, written as zeros.
     pub(super) fn spare(&mut self, width: usize) {
         self.at += width;
     }

@@ -1,9 +1,9 @@
-//! What the messages of SBAS L1 say: RTCA DO-229 Appendix A, with the same contents ICAO Annex 10 volume
+//! Contents of the messages of SBAS L1: RTCA DO-229 Appendix A, with the same contents ICAO Annex 10 volume
 //! I, appendix B.
 //!
-//! Corrections refer to satellites by their slot in the PRN mask and to grid points by their place in the
-//! grid masks; the issues of data (IODP, IODI) tell which mask is meant, IODF and IODE which fast
-//! correction and which ephemeris. All of them stay as sent: joining them is the work of a receiver.
+//! Corrections refer to satellites by their slot in the PRN mask and to grid points by their index in the
+//! grid masks; the issues of data (IODP, IODI) identify the mask, IODF and IODE fast correction and ephemeris.
+//! All of them stay as sent: a receiver has to combine them.
 
 use super::fields::{Fields, Walk};
 use super::{CHECKED_BITS, MessageBits, OutOfRange, PREAMBLES, preamble_of, seal};
@@ -11,18 +11,18 @@ use serde::Serialize;
 
 /// One message.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Message {
+pub struct SbasMessage {
     /// Type, 0 to 63.
     pub kind: u8,
     /// Which of the three preambles it began with, 0 to 2.
     pub preamble: u8,
-    /// What it says.
-    pub content: Body,
+    /// Contents.
+    pub content: SbasContent,
 }
 
 /// Contents by message type.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub enum Body {
+pub enum SbasContent {
     /// Type 0: do not use this satellite for safety. A system under test sends the contents of type 2
     /// here; they are absent where all data bits are zero.
     DoNotUse(Option<FastCorrections>),
@@ -52,7 +52,7 @@ pub enum Body {
     GridDelays(GridDelays),
     /// Type 62: internal test, data as sent.
     InternalTest(RawData),
-    /// Type 63: nothing to say, data as sent.
+    /// Type 63: null message, data as sent.
     Null(RawData),
     /// Any other type, data as sent.
     Other(RawData),
@@ -62,7 +62,7 @@ pub enum Body {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RawData(pub [u8; 27]);
 
-/// Type 1: which satellites the corrections mean.
+/// Type 1: the satellites of the corrections.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PrnMask {
     /// Slots that are set, ascending: 1 to 37 GPS PRN, 38 to 61 GLONASS slot + 37, 120 to 138 SBAS PRN,
@@ -225,7 +225,7 @@ pub struct GeoAlmanacs {
     pub t0_s: f64,
 }
 
-/// Type 18: which grid points of one band have delays.
+/// Type 18: the grid points of one band with delays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GridMask {
     /// Number of bands that this satellite sends.
@@ -250,7 +250,7 @@ pub struct LongTermHalf {
 /// Long-term correction of one satellite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LongTermCorrection {
-    /// Satellite, 1 to 51, by its place in the mask; 0: no correction.
+    /// Satellite, 1 to 51, by its index in the mask; 0: no correction.
     pub satellite: u8,
     /// Issue of the ephemeris that is corrected (IODE of GPS).
     pub iode: u8,
@@ -310,7 +310,7 @@ pub struct GridDelays {
     pub iodi: u8,
 }
 
-impl Message {
+impl SbasMessage {
     /// Reads the contents of a message whose parity was checked. None if it begins with no preamble.
     pub fn decode(bits: &MessageBits) -> Option<Self> {
         let preamble = preamble_of(bits)?;
@@ -319,22 +319,22 @@ impl Message {
         let mut w = Walk::reader(bits, 14);
         let empty = !bits[14..CHECKED_BITS].contains(&true);
         let content = match kind {
-            0 => Body::DoNotUse((!empty).then(|| w.read())),
-            1 => Body::PrnMask(w.read()),
-            2..=5 => Body::FastCorrections(w.read()),
-            6 => Body::Integrity(w.read()),
-            7 => Body::FastDegradation(w.read()),
-            9 => Body::GeoNavigation(w.read()),
-            10 => Body::Degradation(w.read()),
-            12 => Body::NetworkTime(w.read()),
-            17 => Body::GeoAlmanacs(w.read()),
-            18 => Body::GridMask(w.read()),
-            24 => Body::Mixed(w.read()),
-            25 => Body::LongTerm([w.read(), w.read()]),
-            26 => Body::GridDelays(w.read()),
-            62 => Body::InternalTest(w.read()),
-            63 => Body::Null(w.read()),
-            _ => Body::Other(w.read()),
+            0 => SbasContent::DoNotUse((!empty).then(|| w.read())),
+            1 => SbasContent::PrnMask(w.read()),
+            2..=5 => SbasContent::FastCorrections(w.read()),
+            6 => SbasContent::Integrity(w.read()),
+            7 => SbasContent::FastDegradation(w.read()),
+            9 => SbasContent::GeoNavigation(w.read()),
+            10 => SbasContent::Degradation(w.read()),
+            12 => SbasContent::NetworkTime(w.read()),
+            17 => SbasContent::GeoAlmanacs(w.read()),
+            18 => SbasContent::GridMask(w.read()),
+            24 => SbasContent::Mixed(w.read()),
+            25 => SbasContent::LongTerm([w.read(), w.read()]),
+            26 => SbasContent::GridDelays(w.read()),
+            62 => SbasContent::InternalTest(w.read()),
+            63 => SbasContent::Null(w.read()),
+            _ => SbasContent::Other(w.read()),
         };
         Some(Self { kind, preamble, content })
     }
@@ -347,30 +347,38 @@ impl Message {
         w.count("preamble", &mut preamble, 8);
         w.count("type", &mut { self.kind }, 6);
         match self.content.clone() {
-            Body::DoNotUse(None) => {}
-            Body::DoNotUse(Some(mut c)) | Body::FastCorrections(mut c) => c.walk(&mut w),
-            Body::PrnMask(mut c) => c.walk(&mut w),
-            Body::Integrity(mut c) => c.walk(&mut w),
-            Body::FastDegradation(mut c) => c.walk(&mut w),
-            Body::GeoNavigation(mut c) => c.walk(&mut w),
-            Body::Degradation(mut c) => c.walk(&mut w),
-            Body::NetworkTime(mut c) => c.walk(&mut w),
-            Body::GeoAlmanacs(mut c) => c.walk(&mut w),
-            Body::GridMask(mut c) => c.walk(&mut w),
-            Body::Mixed(mut c) => c.walk(&mut w),
-            Body::LongTerm(mut halves) => halves.iter_mut().for_each(|half| half.walk(&mut w)),
-            Body::GridDelays(mut c) => c.walk(&mut w),
-            Body::InternalTest(mut c) | Body::Null(mut c) | Body::Other(mut c) => c.walk(&mut w),
+            SbasContent::DoNotUse(None) => {}
+            SbasContent::DoNotUse(Some(mut c)) | SbasContent::FastCorrections(mut c) => {
+                c.walk(&mut w)
+            }
+            SbasContent::PrnMask(mut c) => c.walk(&mut w),
+            SbasContent::Integrity(mut c) => c.walk(&mut w),
+            SbasContent::FastDegradation(mut c) => c.walk(&mut w),
+            SbasContent::GeoNavigation(mut c) => c.walk(&mut w),
+            SbasContent::Degradation(mut c) => c.walk(&mut w),
+            SbasContent::NetworkTime(mut c) => c.walk(&mut w),
+            SbasContent::GeoAlmanacs(mut c) => c.walk(&mut w),
+            SbasContent::GridMask(mut c) => c.walk(&mut w),
+            SbasContent::Mixed(mut c) => c.walk(&mut w),
+            SbasContent::LongTerm(mut halves) => {
+                halves.iter_mut().for_each(|half| half.walk(&mut w))
+            }
+            SbasContent::GridDelays(mut c) => c.walk(&mut w),
+            SbasContent::InternalTest(mut c)
+            | SbasContent::Null(mut c)
+            | SbasContent::Other(mut c) => c.walk(&mut w),
         }
         let mut bits = w.finish()?;
         seal(&mut bits);
         Ok(bits)
     }
 
-    /// GPS time of week of its first bit, s, if it tells it (type 12).
+    /// GPS time of week of its first bit, s, if it contains it (type 12).
     pub fn tow_s(&self) -> Option<f64> {
         match &self.content {
-            Body::NetworkTime(time) if time.gps_tow_s < 604_800 => Some(f64::from(time.gps_tow_s)),
+            SbasContent::NetworkTime(time) if time.gps_tow_s < 604_800 => {
+                Some(f64::from(time.gps_tow_s))
+            }
             _ => None,
         }
     }

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Messages that EGNOS sent, as printed in the documentation of three public projects, here in an order in
 /// which the preambles take turns. Types 18 and 26: goGPS (`ems2igpmask.m`, `ems2idc.m`). Type 4: a
-/// frame that a Septentrio mosaic-X5 received of PRN 136 and found right (test data of pysbf2 1.0.7). The
+/// frame that a Septentrio mosaic-X5 received of PRN 136 and accepted (test data of pysbf2 1.0.7). The
 /// others: README of jonatanmv/sisnet, SISNeT.
 const RECEIVED: [(u8, &str); 15] = [
     (18, "534964000000FFFFFFC00000001FFFC00001FFFC00003FFFE001FC003C15ABC0"),
@@ -32,9 +32,9 @@ fn bits_of(hex: &str) -> MessageBits {
 }
 
 /// Contents of the first message received of a type.
-fn received(kind: u8) -> Body {
+fn received(kind: u8) -> SbasContent {
     let (_, hex) = RECEIVED.iter().find(|(k, _)| *k == kind).unwrap();
-    Message::decode(&bits_of(hex)).unwrap().content
+    SbasMessage::decode(&bits_of(hex)).unwrap().content
 }
 
 fn radius_and_longitude([x, y, z]: [f64; 3]) -> (f64, f64) {
@@ -46,7 +46,7 @@ fn received_messages_keep_parity_and_every_bit_is_accounted_for() {
     for (k, (kind, hex)) in RECEIVED.iter().enumerate() {
         let bits = bits_of(hex);
         assert_eq!(crc24q::checksum(&bits), 0, "parity of type {kind}");
-        let message = Message::decode(&bits).unwrap();
+        let message = SbasMessage::decode(&bits).unwrap();
         assert_eq!((message.kind, usize::from(message.preamble)), (*kind, k % 3));
         assert_eq!(message.encode().unwrap(), bits, "type {kind}");
     }
@@ -56,16 +56,16 @@ fn received_messages_keep_parity_and_every_bit_is_accounted_for() {
 /// eccentricity and drift move a satellite by some 20 km. The almanac is rounded to 2.6 km.
 #[test]
 fn geostationary_satellites_are_where_they_were() {
-    let Body::GeoNavigation(navigation) = received(9) else { panic!() };
+    let SbasContent::GeoNavigation(navigation) = received(9) else { panic!() };
     let (radius, longitude) = radius_and_longitude(navigation.position_m);
     assert!((radius - 42.164e6).abs() < 20e3, "{radius}");
     assert!((longitude - 31.5).abs() < 0.1, "{longitude}");
     assert_eq!((navigation.t0_s, navigation.ura, navigation.position_m[2]), (68_752.0, 15, 0.0));
-    assert_eq!(navigation.velocity_m_s, [0.0; 3], "it is said to stand still");
+    assert_eq!(navigation.velocity_m_s, [0.0; 3], "a velocity of zero is sent");
 
-    let Body::GeoAlmanacs(almanacs) = received(17) else { panic!() };
+    let SbasContent::GeoAlmanacs(almanacs) = received(17) else { panic!() };
     assert_eq!(almanacs.satellites.map(|s| s.prn), [123, 136, 0]);
-    // Provider 1 is EGNOS; ranging is off, as the user range accuracy 15 says.
+    // Provider 1 is EGNOS; ranging is off, by the user range accuracy 15.
     assert_eq!(almanacs.satellites.map(|s| s.health), [17, 17, 0]);
     assert_eq!(almanacs.t0_s, 68_736.0, "64 s unit, within the minute of the other message");
     let [astra, ses, _] = almanacs.satellites.map(|s| s.position_m);
@@ -77,21 +77,21 @@ fn geostationary_satellites_are_where_they_were() {
 /// indicators of another message count the same.
 #[test]
 fn mask_and_satellite_corrections_agree_with_each_other() {
-    let Body::PrnMask(mask) = received(1) else { panic!() };
+    let SbasContent::PrnMask(mask) = received(1) else { panic!() };
     let expected: Vec<u8> = (1..=32).filter(|n| ![11, 28].contains(n)).chain([123, 136]).collect();
     assert_eq!((mask.slots, mask.iodp), (expected, 3));
-    let Body::FastDegradation(degradation) = received(7) else { panic!() };
+    let SbasContent::FastDegradation(degradation) = received(7) else { panic!() };
     assert_eq!((degradation.latency_s, degradation.iodp), (3, 3));
     assert!(
         degradation.indicators.iter().enumerate().all(|(k, &i)| i == if k < 32 { 15 } else { 0 })
     );
 
-    let Body::FastCorrections(fast) = received(3) else { panic!() };
+    let SbasContent::FastCorrections(fast) = received(3) else { panic!() };
     let ranges = [-0.875, 0.0, -0.5, -0.25, -1.375, 0.0, 0.25, 0.0, -0.625, 0.0, 0.0, 0.0, 0.0];
     assert_eq!(fast.satellites.map(|s| s.range_m), ranges);
     assert_eq!(fast.satellites.map(|s| s.udrei), [5, 14, 5, 14, 5, 14, 6, 14, 6, 5, 14, 14, 14]);
 
-    let Body::LongTerm(halves) = received(25) else { panic!() };
+    let SbasContent::LongTerm(halves) = received(25) else { panic!() };
     let corrections: Vec<_> = halves.iter().flat_map(|h| &h.corrections).collect();
     assert_eq!(corrections.iter().map(|c| c.satellite).collect::<Vec<_>>(), [1, 19, 13, 28]);
     assert_eq!(corrections[1].position_m, [-1.125, 0.875, 0.25]);
@@ -104,7 +104,7 @@ fn mask_and_satellite_corrections_agree_with_each_other() {
 /// at the end of 2016 was on day 7 of week 1929 = 7 x 256 + 137 and made them 18.
 #[test]
 fn degradation_parameters_and_time_agree_with_independent_values() {
-    let Body::Degradation(p) = received(10) else { panic!() };
+    let SbasContent::Degradation(p) = received(10) else { panic!() };
     let metres = [p.b_rrc_m, p.c_ltc_lsb_m, p.c_ltc_v0_m, p.c_geo_lsb_m, p.c_er_m, p.c_iono_step_m];
     for (value, expected) in metres.iter().zip([0.0, 0.358, 0.958, 0.177, 0.0, 0.657]) {
         assert!((value - expected).abs() < 1e-12);
@@ -116,7 +116,7 @@ fn degradation_parameters_and_time_agree_with_independent_values() {
         (0.0, false, false, 0.0)
     );
 
-    let Body::NetworkTime(time) = received(12) else { panic!() };
+    let SbasContent::NetworkTime(time) = received(12) else { panic!() };
     assert_eq!((time.leap_s, time.leap_future_s), (18.0, 18.0));
     assert_eq!((time.week_lsf, time.day), (137, 7));
     assert_eq!((time.gps_week, time.week_t), (130, 130));
@@ -127,8 +127,8 @@ fn degradation_parameters_and_time_agree_with_independent_values() {
 
 #[test]
 fn values_that_do_not_fit_are_refused() {
-    let mut message = Message::decode(&bits_of(RECEIVED[2].1)).unwrap();
-    let Body::GeoNavigation(navigation) = &mut message.content else { panic!() };
+    let mut message = SbasMessage::decode(&bits_of(RECEIVED[2].1)).unwrap();
+    let SbasContent::GeoNavigation(navigation) = &mut message.content else { panic!() };
     navigation.position_m[1] = 0.08 * 2f64.powi(29);
     let error = message.encode().unwrap_err();
     assert_eq!((error.name, error.min), ("position_m", -0.08 * 2f64.powi(29)));
@@ -200,14 +200,14 @@ fn messages_pass_noise() {
 #[test]
 fn slips_cost_the_message_they_fall_into_and_the_pairing_follows() {
     let mut slipped = symbols();
-    // A half-cycle slip in message 4, a lost symbol in 9 and one too many in 20 that nobody counts.
+    // A half-cycle slip in message 4, a lost symbol in 9 and one too many in 20, without a jump of the index.
     slipped[4 * 500 + 210..].iter_mut().for_each(|s| *s = -*s);
     slipped.insert(20 * 500 + 77, 1.0);
     slipped.remove(9 * 500 + 123);
     let kept = (0..30).filter(|n| ![4, 9, 20].contains(n));
     assert_pages(&decode(&slipped, 0), kept, |n| if (10..20).contains(&n) { -1 } else { 0 });
 
-    // A jump of the index starts afresh.
+    // A jump of the index starts the search again.
     let mut decoder = SbasDecoder::new();
     let indices = (0..3_100).chain(3_103..);
     let pages: Vec<Page> =
@@ -228,7 +228,7 @@ fn noise_and_messages_without_a_second_in_step_give_nothing() {
         let stream = [noise(333), message(5), second, noise(777)].concat();
         assert_eq!(decode(&stream, 0), []);
     }
-    // With three lost between them they are in step.
+    // With three lost between them they are synchronous.
     let stream = [noise(333), message(5), noise(3 * 500), message(9), noise(777)].concat();
     assert_eq!(decode(&stream, 0).iter().map(|p| p.start_index).collect::<Vec<_>>(), [333, 2_333]);
 }
@@ -250,10 +250,10 @@ proptest! {
         let mut bits: MessageBits = data.try_into().unwrap();
         let head = u16::from(PREAMBLES[1]) << 6 | u16::from(kind);
         bits[..14].iter_mut().enumerate().for_each(|(k, bit)| *bit = head >> (13 - k) & 1 == 1);
-        let message = Message::decode(&bits).unwrap();
+        let message = SbasMessage::decode(&bits).unwrap();
         prop_assert_eq!(message.kind, kind);
         let again = message.encode().unwrap();
         prop_assert_eq!(crc24q::checksum(&again), 0);
-        prop_assert_eq!(Message::decode(&again), Some(message));
+        prop_assert_eq!(SbasMessage::decode(&again), Some(message));
     }
 }

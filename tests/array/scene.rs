@@ -13,18 +13,18 @@ use std::f64::consts::{PI, TAU};
 /// Sampling rate, Hz.
 pub const RATE_HZ: f64 = 2.048e6;
 
-/// What is to be made.
+/// Satellites, noise and jammer.
 #[derive(Clone)]
-pub struct Sky {
+pub struct Scene {
     pub elements: usize,
     pub ms: usize,
     pub satellites: usize,
     /// Against the background alone, dB-Hz.
     pub cn0_dbhz: f64,
-    /// Share of impulses, and their variance.
+    /// Probability of an impulse, and its variance.
     pub impulses: (f64, f32),
-    /// Where the satellites lie within 60 degrees of broadside: each in its own of as many equal parts of
-    /// sin(theta), in the middle share of it (0 to 1); infinite: anywhere.
+    /// Satellites lie within 60 degrees of broadside: each in its own of as many equal parts of sin(theta), in
+    /// the middle fraction `scatter` of it (0 to 1); infinite: anywhere.
     pub scatter: f64,
     /// Sine of the direction, power over the background at each element in dB, and whether a carrier
     /// (else white noise).
@@ -32,14 +32,14 @@ pub struct Sky {
     pub seed: u64,
 }
 
-/// A satellite as it was made.
+/// A simulated satellite.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub sv: Sv,
     pub doppler_hz: f64,
     pub code_phase_chips: f64,
     pub sine: f64,
-    pub bit_edge: i64,
+    pub symbol_edge: i64,
     pub bits: u64,
 }
 
@@ -49,7 +49,7 @@ impl Truth {
         let t = n as f64 / RATE_HZ;
         let phase =
             self.code_phase_chips + t * signal::of(self.sv).clock(self.doppler_hz).chip_rate_hz;
-        let bit = ((phase / 1023.0).floor() as i64 + self.bit_edge) / 20;
+        let bit = ((phase / 1023.0).floor() as i64 + self.symbol_edge) / 20;
         let sign = if self.bits >> (bit & 63) & 1 == 0 { 1.0 } else { -1.0 };
         (sign * f64::from(chips[phase as usize % 1023]), TAU * self.doppler_hz * t)
     }
@@ -60,7 +60,7 @@ pub fn response(elements: usize, sine: f64) -> Vec<Complex64> {
     (0..elements).map(|m| Complex64::cis(PI * sine * m as f64)).collect()
 }
 
-impl Sky {
+impl Scene {
     /// Eight satellites in (0.1, 1, 50) noise.
     pub fn new(elements: usize, ms: usize, cn0_dbhz: f64, seed: u64) -> Self {
         let impulses = (0.1, 50.0);
@@ -93,12 +93,12 @@ impl Sky {
                 sine: match self.scatter.is_finite() {
                     true => {
                         let part = 2.0 * (PI / 3.0).sin() / self.satellites as f64;
-                        let place = rng.random_range(-0.5..0.5) * self.scatter;
-                        (found.len() as f64 + 0.5 + place) * part - (PI / 3.0).sin()
+                        let offset = rng.random_range(-0.5..0.5) * self.scatter;
+                        (found.len() as f64 + 0.5 + offset) * part - (PI / 3.0).sin()
                     }
                     false => rng.random_range(-PI / 3.0..PI / 3.0).sin(),
                 },
-                bit_edge: rng.random_range(0..20),
+                symbol_edge: rng.random_range(0..20),
                 bits: rng.random(),
             };
             if found.iter().all(|t| t.sv != new.sv) {
