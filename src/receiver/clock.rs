@@ -131,7 +131,7 @@ mod tests {
             t.tow() - t.tow().round()
         };
         let steered = &clock.instants()[2..];
-        assert_eq!(steered.len(), 59);
+        assert!(steered.len() >= 59);
         // Half a sample.
         assert!(
             steered.iter().all(|s| late(s).abs() < 0.26e-6),
