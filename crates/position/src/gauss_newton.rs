@@ -25,8 +25,18 @@ impl<const P: usize> Point<P> {
     /// `self + factor * step`.
     #[inline]
     pub fn plus(&self, factor: f64, step: &Self) -> Self {
-        let clocks = self.clocks.iter().zip(&step.clocks).map(|(c, dc)| c + factor * dc);
-        Self { x: self.x + factor * step.x, clocks: clocks.collect() }
+        let mut sum = self.clone();
+        sum.set_plus(self, factor, step);
+        sum
+    }
+
+    /// Becomes `from + factor * step`, of as many clock terms.
+    #[inline]
+    pub fn set_plus(&mut self, from: &Self, factor: f64, step: &Self) {
+        self.x = from.x + factor * step.x;
+        for ((sum, c), dc) in self.clocks.iter_mut().zip(&from.clocks).zip(&step.clocks) {
+            *sum = c + factor * dc;
+        }
     }
 
     /// Scalar product.
@@ -169,30 +179,30 @@ pub(crate) fn gauss_newton<const P: usize, const W: usize, M: Model<P, W>>(
     let (mut here, mut there) = (&mut one, &mut two);
     let mut cost = look(&point, here);
     let mut mu = damping.initial;
+    let (mut step, mut next) = (point.clone(), point.clone());
     for iterations in 1..=damping.most {
-        let Some((x, clocks)) = here.1.solve(point.clocks.len()) else {
+        if here.1.solve(&mut step).is_none() {
             return Err(Stopped { point, cost, iterations, why: Why::Singular });
-        };
-        let mut step = Point { x, clocks };
+        }
         model.shorten(&mut step);
         if iterations > 1 {
             mu = if damping.restart { 1.0 } else { (2.0 * mu).min(1.0) };
         }
         let (first, mut refused, mut grown) = (mu, 0, 0);
-        let (next, cost_after) = loop {
-            let mut next = point.plus(mu, &step);
+        let cost_after = loop {
+            next.set_plus(&point, mu, &step);
             let admitted = model.admit(&mut next);
             match damping.test {
-                Test::Unseen => break (next, None),
+                Test::Unseen => break None,
                 Test::None => {
                     let cost_after = look(&next, there);
-                    break (next, Some(cost_after));
+                    break Some(cost_after);
                 }
                 Test::Descent { .. } if !admitted => refused += 1,
                 Test::Descent { tau, floor } => {
                     let cost_after = look(&next, there);
                     if cost_after <= (1.0 + tau) * cost + floor {
-                        break (next, Some(cost_after));
+                        break Some(cost_after);
                     }
                     grown += 1;
                 }
@@ -205,7 +215,7 @@ pub(crate) fn gauss_newton<const P: usize, const W: usize, M: Model<P, W>>(
         };
         let length = mu * step.norm();
         let (from, to, cost_before) = (&point, &next, cost);
-        let step = Step {
+        let taken = Step {
             iterations,
             first,
             mu,
@@ -217,9 +227,9 @@ pub(crate) fn gauss_newton<const P: usize, const W: usize, M: Model<P, W>>(
             cost_before,
             cost_after,
         };
-        trace(&step);
-        let verdict = model.verdict(&step, &here.1);
-        point = next;
+        trace(&taken);
+        let verdict = model.verdict(&taken, &here.1);
+        std::mem::swap(&mut point, &mut next);
         if verdict == Verdict::Converged {
             let system = std::mem::take(&mut here.1);
             let (view, cost) = match cost_after {

@@ -4,16 +4,15 @@
 //! (or none: a prior), the weight `w_i = 1/sigma_i`. Taking the weighted mean of a term's rows out of them
 //! ("centring") eliminates it exactly, and is the first stage of modified Gram-Schmidt on `[clocks | G | e]`;
 //! the rest of it, without square roots, is as stable as Householder's QR for least squares (Björck 1967),
-//! whatever the scales of the columns. Cost: `2 P (P + 2)` multiplications a row and `P` divisions; up to
-//! [`INLINE`] rows and two clock terms nothing is allocated.
+//! whatever the scales of the columns. Cost: `2 P (P + 2)` multiplications a row and `P` divisions; buffers are
+//! kept from one solution to the next, so that with up to two clock terms nothing is allocated again.
 
+use crate::gauss_newton::Point;
 use nalgebra::{SMatrix, SVector};
 use smallvec::SmallVec;
 
-/// Rows for which nothing is allocated.
-const INLINE: usize = 16;
 /// One value for each row.
-pub(crate) type Buffer<T> = SmallVec<[T; INLINE]>;
+pub(crate) type Buffer<T> = Vec<T>;
 /// One value for each clock term.
 pub(crate) type Terms<T> = SmallVec<[T; 2]>;
 
@@ -35,6 +34,10 @@ impl<const W: usize> LinearRow<W> {
     /// From the row as it is, with its right-hand side last, and its standard deviation.
     pub fn new(row: [f64; W], sigma: f64, term: Option<usize>) -> Self {
         Self { row: row.map(|v| v / sigma), weight: 1.0 / sigma, term }
+    }
+
+    fn same_term(&self, other: &Self) -> bool {
+        self.term == other.term
     }
 }
 
@@ -82,41 +85,49 @@ impl<const P: usize, const W: usize> LeastSquares<P, W> {
         self.rows.iter().map(|row| row.row[P] * row.row[P]).sum()
     }
 
-    /// Takes the clocks' part out of the first right-hand side; gives it.
-    pub fn fit_clocks(&mut self, terms: usize) -> Terms<f64> {
-        let mut sums = Terms::from_elem((0.0, 0.0), terms);
-        for LinearRow { row, weight, term } in &self.rows {
-            if let Some((sum, square)) = term.map(|term| &mut sums[term]) {
-                (*sum, *square) = (*sum + row[P] * weight, *square + weight * weight);
+    /// Takes the clocks' part out of the first right-hand side, and puts it into `clocks` (0 for terms that no
+    /// row contains); gives what is left of the cost.
+    #[inline]
+    pub fn fit_clocks(&mut self, clocks: &mut [f64]) -> f64 {
+        self.term_squares.clear();
+        self.term_squares.resize(clocks.len(), 0.0);
+        clocks.fill(0.0);
+        for rows in self.rows.chunk_by(LinearRow::same_term) {
+            let Some(term) = rows[0].term else { continue };
+            clocks[term] += rows.iter().map(|row| row.row[P] * row.weight).sum::<f64>();
+            self.term_squares[term] += rows.iter().map(|row| row.weight * row.weight).sum::<f64>();
+        }
+        for (clock, square) in clocks.iter_mut().zip(&self.term_squares) {
+            *clock = if *square > 0.0 { *clock / square } else { 0.0 };
+        }
+        let mut cost = 0.0;
+        for rows in self.rows.chunk_by_mut(LinearRow::same_term) {
+            let clock = rows[0].term.map_or(0.0, |term| clocks[term]);
+            for LinearRow { row, weight, .. } in rows {
+                row[P] -= clock * *weight;
+                cost += row[P] * row[P];
             }
         }
-        // A term without rows has the mean 0.
-        let mean = |(sum, square)| if square > 0.0 { sum / square } else { 0.0 };
-        let means: Terms<f64> = sums.into_iter().map(mean).collect();
-        for LinearRow { row, weight, term } in &mut self.rows {
-            row[P] -= term.map_or(0.0, |term| means[term]) * *weight;
-        }
-        means
+        cost
     }
 
-    /// Minimiser for the first right-hand side: the shared unknowns, and `terms` clock terms (0 for those
-    /// that no row contains). `None` if the columns depend on each other, the rows are too few, or a number
+    /// Minimiser for the first right-hand side, into `step`: the shared unknowns, and its clock terms (0 for
+    /// those that no row contains). `None` if the columns depend on each other, the rows are too few, or a number
     /// is not finite.
-    pub fn solve(&mut self, terms: usize) -> Option<(SVector<f64, P>, Terms<f64>)> {
-        self.factor(terms)?;
+    #[inline]
+    pub fn solve(&mut self, step: &mut Point<P>) -> Option<()> {
+        self.factor(step.clocks.len())?;
         let x = self.minimiser(P);
-        let shared = |mean: &[f64; W]| (0..P).fold(mean[P], |c, k| c - mean[k] * x[k]);
-        let clocks: Terms<f64> = self.means.iter().map(shared).collect();
-        x.iter().chain(&clocks).all(|v| v.is_finite()).then_some((x, clocks))
+        for (clock, mean) in step.clocks.iter_mut().zip(&self.means) {
+            *clock = (0..P).fold(mean[P], |c, k| c - mean[k] * x[k]);
+        }
+        step.x = x;
+        x.iter().chain(&step.clocks).all(|v| v.is_finite()).then_some(())
     }
 
     /// Eliminates the clock terms and makes the columns orthogonal.
     pub fn factor(&mut self, terms: usize) -> Option<()> {
-        let mut lengths = [0.0; P];
-        for LinearRow { row, .. } in &self.rows {
-            (0..P).for_each(|k| lengths[k] += row[k] * row[k]);
-        }
-        self.centre(terms);
+        let lengths = self.centre(terms);
         for k in 0..P {
             let sums = weighted_sum(&self.rows, |row| row.row[k]);
             let square = sums[k];
@@ -133,28 +144,38 @@ impl<const P: usize, const W: usize> LeastSquares<P, W> {
         Some(())
     }
 
-    fn centre(&mut self, terms: usize) {
+    /// Takes each clock term's weighted mean out of its rows. Gives the squared lengths of the columns before.
+    #[inline]
+    fn centre(&mut self, terms: usize) -> [f64; P] {
         self.means.clear();
         self.means.resize(terms, [0.0; W]);
         self.term_squares.clear();
         self.term_squares.resize(terms, 0.0);
-        let same = |a: &LinearRow<W>, b: &LinearRow<W>| a.term == b.term;
-        for rows in self.rows.chunk_by(same) {
-            let Some(term) = rows[0].term else { continue };
-            let sums = weighted_sum(rows, |row| row.weight);
-            (0..W).for_each(|j| self.means[term][j] += sums[j]);
-            self.term_squares[term] += rows.iter().map(|row| row.weight * row.weight).sum::<f64>();
+        let mut lengths = [0.0; P];
+        for rows in self.rows.chunk_by(LinearRow::same_term) {
+            let (mut sums, mut squares) = ([0.0; W], 0.0);
+            for LinearRow { row, weight, .. } in rows {
+                (0..P).for_each(|k| lengths[k] += row[k] * row[k]);
+                (0..W).for_each(|j| sums[j] += weight * row[j]);
+                squares += weight * weight;
+            }
+            if let Some(term) = rows[0].term {
+                (0..W).for_each(|j| self.means[term][j] += sums[j]);
+                self.term_squares[term] += squares;
+            }
         }
         for (mean, square) in self.means.iter_mut().zip(&self.term_squares) {
-            // A term without rows has the mean 0.
-            *mean = mean.map(|sum| if *square > 0.0 { sum / square } else { 0.0 });
+            if *square > 0.0 {
+                *mean = mean.map(|sum| sum / square);
+            }
         }
-        for rows in self.rows.chunk_by_mut(same) {
+        for rows in self.rows.chunk_by_mut(LinearRow::same_term) {
             let Some(mean) = rows[0].term.map(|term| self.means[term]) else { continue };
             for LinearRow { row, weight, .. } in rows {
                 (0..W).for_each(|j| row[j] -= *weight * mean[j]);
             }
         }
+        lengths
     }
 
     /// Minimiser for the right-hand side in a column.
@@ -266,7 +287,9 @@ mod tests {
         let rows = rows();
         let mut system = LeastSquares::<3, 4>::default();
         system.set(rows.iter().copied());
-        let (x, clocks) = system.solve(5).unwrap();
+        let mut step = Point { x: Vector3::zeros(), clocks: Terms::from_elem(0.0, 5) };
+        system.solve(&mut step).unwrap();
+        let Point { x, clocks } = step;
         let j = DMatrix::from_fn(rows.len(), 8, |i, k| match k {
             0..3 => rows[i].row[k],
             _ => {
@@ -299,7 +322,8 @@ mod tests {
         let solves = |rows: Vec<LinearRow<4>>| {
             let mut system = LeastSquares::<3, 4>::default();
             system.set(rows.into_iter());
-            system.solve(5).is_some()
+            let mut step = Point { x: Vector3::zeros(), clocks: Terms::from_elem(0.0, 5) };
+            system.solve(&mut step).is_some()
         };
         let changed = |change: fn([f64; 4]) -> [f64; 4]| {
             rows().into_iter().map(|r| LinearRow { row: change(r.row), ..r }).collect()

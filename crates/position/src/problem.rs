@@ -194,13 +194,14 @@ impl<'a> Problem<'a> {
             return Err(Failure::NotFinite { row, what: "deviation" });
         }
         problem.observed = rows.iter().map(|row| row.value - problem.offset(row.term())).collect();
-        for term in 0..problem.offsets.len() {
-            let (mut count, mut largest, mut heaviest) = (0.0, 0.0f64, 0.0f64);
-            for (row, weight) in rows.iter().zip(&problem.weights).filter(|r| r.0.term() == term) {
-                count += 1.0;
-                (largest, heaviest) = (largest.max(row.value.abs()), heaviest.max(*weight));
-            }
-            let rounding = count * (8.0 * f64::EPSILON * largest).powi(2);
+        let mut largest: Terms<_> = Terms::from_elem((0.0, 0.0f64, 0.0f64), problem.offsets.len());
+        for (row, weight) in rows.iter().zip(&problem.weights) {
+            let (count, value, heaviest) = &mut largest[row.term()];
+            *count += 1.0;
+            (*value, *heaviest) = (value.max(row.value.abs()), heaviest.max(*weight));
+        }
+        for (count, value, heaviest) in largest {
+            let rounding = count * (8.0 * f64::EPSILON * value).powi(2);
             problem.floor += rounding.max(FLOOR) * heaviest * heaviest;
             problem.rounding += rounding * heaviest * heaviest;
         }
@@ -250,25 +251,27 @@ impl<'a> Problem<'a> {
     #[inline]
     pub fn look(&self, at: &Point<3>, system: &mut LeastSquares<3, 4>, mut keep: impl FnMut(Seen)) {
         let rows = self.rows.iter().zip(&self.observed).zip(&self.weights);
+        let clocks = at.clocks.as_slice();
         system.set(rows.map(|((row, observed), &weight)| {
             let seen = row.kind.see(&row.satellite, &at.x);
             let g = row.kind.gradient(&row.satellite, &seen) * weight;
-            let e = weight * (observed - seen.value - at.clocks[row.term()]);
+            let e = weight * (observed - seen.value - clocks[row.term()]);
             keep(seen);
             LinearRow { row: [g.x, g.y, g.z, e], weight, term: Some(row.term()) }
         }));
     }
 
-    /// The same at a place with the best clock terms there; these, and the cost.
+    /// The same at the place of a point, whose clock terms become the best there; gives the cost.
     #[inline]
     pub fn look_centred(
         &self,
-        place_m: &Vector3<f64>,
+        at: &mut Point<3>,
         (seen, system): &mut (Buffer<Seen>, LeastSquares<3, 4>),
-    ) -> (Terms<f64>, f64) {
+    ) -> f64 {
         seen.clear();
-        self.look(&Point { x: *place_m, ..self.zero() }, system, |s| seen.push(s));
-        (system.fit_clocks(self.offsets.len()), system.cost())
+        at.clocks.fill(0.0);
+        self.look(at, system, |s| seen.push(s));
+        system.fit_clocks(&mut at.clocks)
     }
 
     /// Second derivatives of the weighted rows along `along`, m.

@@ -95,8 +95,7 @@ pub fn aw_dgn_bt(rows: &[Row]) -> Result<PointSolution, Failure> {
 }
 
 /// The iteration of the module's head from the place `start`, under any of the paper's dampings; clock
-/// terms that `start` does not give are 0. `trace` sees each accepted step. Up to 16 rows of one clock
-/// nothing is allocated.
+/// terms that `start` does not give are 0. `trace` sees each accepted step.
 ///
 /// # Errors
 /// [`Failure`] names what is wrong with the observations, or how the iteration ended.

@@ -86,7 +86,7 @@ impl Descent {
     }
 
     /// Minimises from `start`; clock terms that it does not give are 0. The count of iterations is one
-    /// of steps. Up to 16 rows of one clock nothing is allocated.
+    /// of steps.
     ///
     /// # Errors
     /// [`Failure::Stalled`], [`Failure::NoDecrease`], [`Failure::Diverged`], [`Failure::TooSlow`], or
@@ -105,18 +105,18 @@ impl Descent {
             system.cost()
         };
         let mut at = problem.point(start);
+        let mut cost = cost_at(&at, &mut system);
         let mut last: Option<(Point<3>, Point<3>)> = None;
         for iterations in 0..=self.max_iterations {
             let state = || problem.state(&at);
-            let cost = cost_at(&at, &mut system);
             if !(at.norm() < FAR && cost.is_finite()) && iterations > 0 {
                 return Err(Failure::Diverged { state: state(), iterations });
             }
-            let (gradient, diagonal) = gradient(&system, &problem.zero());
-            let Some((x, clocks)) = system.solve(at.clocks.len()) else {
+            let (gradient, diagonal) = gradient(&system, problem.zero());
+            let mut gauss_newton = problem.zero();
+            if system.solve(&mut gauss_newton).is_none() {
                 return Err(problem.diagnose(&at, iterations));
-            };
-            let gauss_newton = Point { x, clocks };
+            }
             if gauss_newton.norm() < self.tolerance_m {
                 let covariance = system.covariance();
                 return Ok(PointSolution::untested(state(), cost, covariance, iterations));
@@ -154,25 +154,27 @@ impl Descent {
             };
             let step = problem.zero().plus(alpha, &direction);
             let next = at.plus(1.0, &step);
+            let cost_after = cost_at(&next, &mut spare);
             trace(&Iteration {
                 start: 0,
                 mu: alpha,
                 length: step.norm(),
                 objective_before: cost,
-                objective_after: cost_at(&next, &mut spare),
+                objective_after: cost_after,
                 state: problem.state(&next),
                 damped: if tries > 0 { Damped::Cost(tries) } else { Damped::by(alpha, 0, 0) },
             });
             last = Some((step, direction));
-            at = next;
+            std::mem::swap(&mut system, &mut spare);
+            (at, cost) = (next, cost_after);
         }
         Err(Failure::TooSlow { state: problem.state(&at), iterations: self.max_iterations })
     }
 }
 
 /// `H^T e` and the diagonal of `H^T H` of the weighted rows, added to `zero`.
-fn gradient(system: &LeastSquares<3, 4>, zero: &Point<3>) -> (Point<3>, Point<3>) {
-    let (mut gradient, mut diagonal) = (zero.clone(), zero.clone());
+fn gradient(system: &LeastSquares<3, 4>, zero: Point<3>) -> (Point<3>, Point<3>) {
+    let (mut gradient, mut diagonal) = (zero.clone(), zero);
     for LinearRow { row: [x, y, z, e], weight, term } in system.rows() {
         let by = Vector3::new(*x, *y, *z);
         gradient.x += by * *e;

@@ -246,7 +246,8 @@ impl<F: FnMut(&Iteration)> Search<'_, F> {
                 let mut cheapest = (f64::INFINITY, below_centroid);
                 for k in 0..RINGS.len() * RING {
                     let place = self.on_ring(k);
-                    let cost = self.problem.look_centred(&place, &mut self.views[0]).1;
+                    let mut at = Point { x: place, ..self.problem.zero() };
+                    let cost = self.problem.look_centred(&mut at, &mut self.views[0]);
                     if cost < cheapest.0 {
                         cheapest = (cost, place);
                     }
@@ -266,19 +267,20 @@ impl<F: FnMut(&Iteration)> Search<'_, F> {
     }
 
     /// Two Gauss-Newton steps on the mean sphere, in the two tangential unknowns.
-    fn on_sphere(&mut self, mut place: Vector3<f64>) -> Result<Vector3<f64>, Failure> {
+    fn on_sphere(&mut self, place: Vector3<f64>) -> Result<Vector3<f64>, Failure> {
         let view = &mut self.views[0];
+        let mut at = Point { x: place, ..self.problem.zero() };
         for _ in 0..2 {
             self.iterations += 1;
-            let (clocks, _) = self.problem.look_centred(&place, view);
-            if view.1.solve(clocks.len()).is_none() {
-                return Err(self.problem.diagnose(&Point { x: place, clocks }, self.iterations));
+            self.problem.look_centred(&mut at, view);
+            if view.1.factor(at.clocks.len()).is_none() {
+                return Err(self.problem.diagnose(&at, self.iterations));
             }
-            let basis = Matrix3x2::from_columns(&tangents(&place.normalize()));
+            let basis = Matrix3x2::from_columns(&tangents(&at.x.normalize()));
             let step = view.1.solve_within(&basis);
-            place = EARTH_RADIUS * (place + step).normalize();
+            at.x = EARTH_RADIUS * (at.x + step).normalize();
         }
-        Ok(place)
+        Ok(at.x)
     }
 
     /// The iteration of the module's head.
@@ -286,14 +288,16 @@ impl<F: FnMut(&Iteration)> Search<'_, F> {
         let problem = self.problem;
         let [here, there] = &mut self.views;
         let (mut here, mut there) = (here, there);
-        let (clocks, mut phi) = problem.look_centred(&start, here);
-        let mut at = Point { x: start, clocks };
+        let mut at = Point { x: start, ..problem.zero() };
+        let mut next = at.clone();
+        let mut phi = problem.look_centred(&mut at, here);
         let mut at_wall = 0;
         for _ in 0..K_MAX {
             self.iterations += 1;
             let iterations = self.iterations;
             let (seen, system) = &mut *here;
-            let Some((d, _)) = system.solve(at.clocks.len()) else {
+            let d = system.factor(at.clocks.len()).map(|()| system.minimiser(3));
+            let Some(d) = d.filter(|d| d.iter().all(|v| v.is_finite())) else {
                 return Err(problem.diagnose(&at, iterations));
             };
             let (length, promise) = (d.norm(), system.promise());
@@ -305,16 +309,16 @@ impl<F: FnMut(&Iteration)> Search<'_, F> {
                 }
             }
             let (mut mu, mut halvings) = (1.0, 0);
-            let (next, projected, clocks, phi_next) = loop {
-                let mut next = at.x + mu * d + mu * mu * a;
-                let radius = next.norm();
+            let (projected, phi_next) = loop {
+                next.x = at.x + mu * d + mu * mu * a;
+                let radius = next.x.norm();
                 let projected = radius > wall_m;
                 if projected {
-                    next *= wall_m / radius;
+                    next.x *= wall_m / radius;
                 }
-                let (clocks, phi_next) = problem.look_centred(&next, there);
+                let phi_next = problem.look_centred(&mut next, there);
                 if phi_next <= (1.0 + TAU) * phi + problem.floor {
-                    break (next, projected, clocks, phi_next);
+                    break (projected, phi_next);
                 }
                 mu /= 2.0;
                 halvings += 1;
@@ -323,9 +327,9 @@ impl<F: FnMut(&Iteration)> Search<'_, F> {
                     return Err(Failure::Jammed { state, iterations, wall: projected });
                 }
             };
-            let moved = (next - at.x).norm();
+            let moved = (next.x - at.x).norm();
             std::mem::swap(&mut here, &mut there);
-            at = Point { x: next, clocks };
+            std::mem::swap(&mut at, &mut next);
             (self.trace)(&Iteration {
                 start: self.starts - 1,
                 mu,
