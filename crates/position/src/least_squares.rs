@@ -7,14 +7,11 @@
 //! whatever the scales of the columns. Cost: `2 P (P + 2)` multiplications a row and `P` divisions; buffers are
 //! kept from one solution to the next, so that with up to two clock terms nothing is allocated again.
 
-use crate::gauss_newton::Point;
+use crate::point::{Point, Terms};
 use nalgebra::{SMatrix, SVector};
-use smallvec::SmallVec;
 
 /// One value for each row.
 pub(crate) type Buffer<T> = Vec<T>;
-/// One value for each clock term.
-pub(crate) type Terms<T> = SmallVec<[T; 2]>;
 
 /// A column whose part orthogonal to the columns before it is shorter than this fraction of its length
 /// depends on them: rounding alone leaves about 1e-15.

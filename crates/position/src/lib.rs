@@ -16,6 +16,7 @@ mod least_squares;
 mod loss;
 mod options;
 mod place;
+mod point;
 mod problem;
 #[cfg(test)]
 mod simulated;

@@ -1,6 +1,6 @@
 //! A position with the clock terms that were solved beside it.
 
-use crate::least_squares::Terms;
+use crate::point::Terms;
 use nalgebra::Vector3;
 
 /// A place and the clock terms that belong to it.

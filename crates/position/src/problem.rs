@@ -11,9 +11,10 @@
 //! `p = u.D`, `q = |D|^2`, `h1` the gradient along `D`. Bias `b` and drift `d` of the row's clock enter
 //! linearly: a problem has three unknowns of position and one for each clock term that its rows contain.
 
-use crate::gauss_newton::Point;
-use crate::least_squares::{Buffer, LeastSquares, LinearRow, Terms};
+use crate::least_squares::{Buffer, LeastSquares, LinearRow};
 use crate::place::Place;
+use crate::point::Point;
+use crate::point::Terms;
 use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};
 

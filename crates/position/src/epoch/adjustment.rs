@@ -23,14 +23,14 @@
 use super::predicted::Predicted;
 use super::sighting::{Sighting, clock_of};
 use crate::error::PositioningError;
-use crate::gauss_newton::{
-    Damping, Minimum, Model, Point, Step, Stopped, Verdict, Why, gauss_newton,
-};
+use crate::gauss_newton::{Damping, Minimum, Model, Step, Stopped, Verdict, Why, gauss_newton};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS, chi_square_limit};
-use crate::least_squares::{LeastSquares, LinearRow, Terms};
+use crate::least_squares::{LeastSquares, LinearRow};
 use crate::loss::Robust;
 use crate::options::{Height, Observable, PositioningOptions};
 use crate::place::Place;
+use crate::point::Point;
+use crate::point::Terms;
 use crate::problem::RowKind;
 use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};

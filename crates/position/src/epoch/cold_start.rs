@@ -7,8 +7,8 @@
 use super::adjustment::{Adjustment, point};
 use super::sighting::{Sighting, clock_of};
 use crate::error::PositioningError;
-use crate::gauss_newton::Point;
 use crate::options::Observable;
+use crate::point::Point;
 use crate::problem::{Row, Satellite};
 use crate::solver::Solver;
 use crate::solver::failure::Failure;

@@ -14,8 +14,8 @@ pub(crate) mod velocity;
 
 use crate::error::{DropReason, Dropped, PositioningError};
 use crate::fix::{Fix, FixMethod, Residual};
-use crate::gauss_newton::Point;
 use crate::options::{Exclusion, Observable, PositioningOptions};
+use crate::point::Point;
 use crate::problem::RowKind;
 use crate::solver::Solver;
 use crate::solver::point_solution::Iteration;

@@ -3,9 +3,11 @@
 
 use super::predicted::Predicted;
 use super::sighting::Sighting;
-use crate::gauss_newton::{Damping, Model, Point, Step, Verdict, gauss_newton};
+use crate::gauss_newton::{Damping, Model, Step, Verdict, gauss_newton};
 use crate::integrity::chi_square_limit;
-use crate::least_squares::{LeastSquares, LinearRow, Terms};
+use crate::least_squares::{LeastSquares, LinearRow};
+use crate::point::Point;
+use crate::point::Terms;
 use nalgebra::Vector3;
 
 /// How the receiver moves.

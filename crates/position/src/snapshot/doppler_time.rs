@@ -14,9 +14,11 @@
 //! - A minimum at the edge of the cell is none: the neighbouring cell has it, or the window ends there.
 
 use crate::epoch::sighting::Sighting;
-use crate::gauss_newton::{Damping, Model, Point, Step, Stopped, Test, Verdict, Why, gauss_newton};
-use crate::least_squares::{LeastSquares, LinearRow, Terms};
+use crate::gauss_newton::{Damping, Model, Step, Stopped, Test, Verdict, Why, gauss_newton};
+use crate::least_squares::{LeastSquares, LinearRow};
 use crate::place::Place;
+use crate::point::Point;
+use crate::point::Terms;
 use crate::problem::{Row, RowKind, Satellite};
 use crate::solver::aw_dgn_bt::aw_dgn_bt;
 use crate::solver::failure::Failure;

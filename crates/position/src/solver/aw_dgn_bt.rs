@@ -39,9 +39,10 @@
 use super::failure::Failure;
 use super::plausibility::WALL_M;
 use super::point_solution::{Iteration, PointSolution};
-use crate::gauss_newton::{self, Model, Point, Stopped, Test, Verdict, Why, gauss_newton};
+use crate::gauss_newton::{self, Model, Stopped, Test, Verdict, Why, gauss_newton};
 use crate::least_squares::LeastSquares;
 use crate::place::Place;
+use crate::point::Point;
 use crate::problem::{Problem, Row};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
 

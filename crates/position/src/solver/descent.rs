@@ -20,9 +20,9 @@
 
 use super::failure::Failure;
 use super::point_solution::{Damped, Iteration, PointSolution};
-use crate::gauss_newton::Point;
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::place::Place;
+use crate::point::Point;
 use crate::problem::{Problem, Row};
 use nalgebra::Vector3;
 

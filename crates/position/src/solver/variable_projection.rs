@@ -27,9 +27,9 @@
 use super::failure::Failure;
 use super::plausibility::{SAME_M, WALL_M, above_the_ground, believed_costs, near_the_surface};
 use super::point_solution::{Ambiguity, Damped, Iteration, PointSolution};
-use crate::gauss_newton::Point;
 use crate::least_squares::{Buffer, LeastSquares};
 use crate::place::Place;
+use crate::point::Point;
 use crate::problem::{Problem, Row, Satellite, Seen};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use sdr_rx_gnss::constants::EARTH_RADIUS;
