@@ -5,7 +5,7 @@ use super::live::Live;
 use super::output::{self, Printed};
 use super::receive::{self, Receive, Solve};
 use anyhow::{Context, ensure};
-use sdr_rx::capture::{Block, SampleSource};
+use sdr_rx::capture::Block;
 use sdr_rx::receiver::{Event, Receiver, ReceiverError, Recorder, Task};
 use sdr_rx::report::{OutputDir, write_check};
 use std::path::{Path, PathBuf};
@@ -40,7 +40,7 @@ pub struct Process {
 /// Runs the receiver, prints and writes its results. Exit code 1 when there is no fix, 130 when Ctrl-C ended it.
 pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
-    let source = args.receive.input.open()?;
+    let mut source = args.receive.input.open()?;
     let info = source.info().clone();
     let mut options = args.receive.options(&info);
     args.solve.apply(&mut options)?;
@@ -63,16 +63,29 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
 
     let interrupt = Interrupt::new().context("waiting for Ctrl-C")?;
     let mut receiver = Receiver::new(&info, options.clone(), Task::Track)?;
-    let mut source = Interruptible::new(source, receiver.chunk(), interrupt.clone());
     let mut recorder = Recorder::default();
     let mut take = |event: &Event, live: &mut Live| {
         recorder.take(event);
         live.take(event);
     };
-    let (mut block, chunk) = (Block::default(), receiver.chunk());
-    while source.read(&mut block, chunk).map_err(ReceiverError::Source)? > 0 {
-        receiver.push(&mut block, &mut |event| take(&event, &mut live))?;
+    let (mut block, mut next, chunk) = (Block::default(), Block::default(), receiver.chunk());
+    let is_stream = args.receive.input.is_stream();
+    if is_stream {
+        // What may wait for samples is read by a thread of its own.
+        source = Box::new(Interruptible::new(source, chunk, interrupt.clone()));
+    }
+    source.read(&mut block, chunk).map_err(ReceiverError::Source)?;
+    while !block.is_empty() && !interrupt.pressed() {
+        let mut read = || source.read(&mut next, chunk);
+        let mut push = || receiver.push(&mut block, &mut |event| take(&event, &mut live));
+        let (pushed, read) = match is_stream {
+            true => (push(), read()),
+            false => rayon::join(push, read),
+        };
+        pushed?;
         live.progress(receiver.samples());
+        read.map_err(ReceiverError::Source)?;
+        std::mem::swap(&mut block, &mut next);
     }
     let end = receiver.finish(&mut |event| take(&event, &mut live))?;
     let record = recorder.finish(end, &options, source.notes());
