@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "ten million packets take minutes: run it with --ignored"]
+    #[ignore = "ten million packets take minutes"]
     fn ten_million_worthless_or_forged_packets_cause_no_panic_and_have_no_effect() {
         assault(10_000_000, 2);
     }

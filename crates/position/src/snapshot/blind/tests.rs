@@ -249,7 +249,7 @@ const WINDOWS: [(&str, u64, Class); 3] = [
 
 /// The table of docs/snapshot.md.
 #[test]
-#[ignore = "half an hour: makes the table of the page anew, with --ignored"]
+#[ignore = "half an hour: makes the table of the page anew"]
 fn table() {
     for (name, runs, class) in WINDOWS {
         for doppler_sigma_hz in [1.0, 5.0, 25.0] {
