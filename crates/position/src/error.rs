@@ -1,6 +1,8 @@
 //! Why no position was found.
 
 use super::solver::failure::Failure;
+use nalgebra::Vector3;
+use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::orbit::NoOrbit;
 use sdr_rx_gnss::{GpsTime, Sv};
 use std::fmt;
@@ -20,6 +22,8 @@ pub enum DropReason {
     Stale(f64),
     /// The satellite declares itself unhealthy, with this health word.
     Unhealthy(u8),
+    /// Its C/N0, dB-Hz, is below what tells a signal from noise.
+    Weak(f64),
     /// The satellite is below the elevation mask, at this elevation in rad.
     BelowMask(f64),
 }
@@ -33,6 +37,7 @@ impl fmt::Display for DropReason {
             Self::NoEphemeris => write!(f, "no ephemeris"),
             Self::Stale(hours) => write!(f, "ephemeris {hours:.1} h away"),
             Self::Unhealthy(health) => write!(f, "unhealthy (health word {health})"),
+            Self::Weak(cn0_dbhz) => write!(f, "only {cn0_dbhz:.0} dB-Hz"),
             Self::BelowMask(elevation) => {
                 write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
             }
@@ -129,6 +134,17 @@ pub enum PositioningError {
         /// Satellite with the largest weighted residual.
         suspect: Option<Sv>,
     },
+    /// Sets of satellites agree on different places, and nothing tells which set is faulty.
+    #[error(
+        "{satellites} satellites fit two places {} apart: {}, and {}",
+        distance(.places), place(&.places[0]), place(&.places[1])
+    )]
+    Competing {
+        /// Satellites used.
+        satellites: usize,
+        /// The places, with the satellites that would be faulty if it were the true one.
+        places: Box<[(Vector3<f64>, Vec<Sv>); 2]>,
+    },
     /// No place explains what a snapshot measured.
     #[error(
         "no place on Earth explains the {what} of {satellites} satellites at {} +- {uncertainty_s:.0} s: the time is further off, the navigation file is of another date, or satellites were acquired falsely",
@@ -193,6 +209,20 @@ pub enum PositioningError {
         /// Expected number of false solutions.
         expected: f64,
     },
+}
+
+fn distance(places: &[(Vector3<f64>, Vec<Sv>); 2]) -> String {
+    match (places[0].0 - places[1].0).norm() {
+        metres if metres < 1e4 => format!("{metres:.0} m"),
+        metres => format!("{:.0} km", metres / 1e3),
+    }
+}
+
+fn place((position_m, faulty): &(Vector3<f64>, Vec<Sv>)) -> String {
+    let p = Geodetic::from_ecef(position_m);
+    let (latitude, longitude) = (p.latitude.to_degrees(), p.longitude.to_degrees());
+    let faulty: Vec<String> = faulty.iter().map(ToString::to_string).collect();
+    format!("{latitude:.5} deg, {longitude:.5} deg, {:.0} m without {}", p.height, faulty.join(" "))
 }
 
 fn left_out(seconds: f64) -> String {

@@ -1,5 +1,6 @@
 //! The result: a position with everything a person needs to trust it.
 
+use crate::error::Dropped;
 use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::{GpsTime, Sv};
 
@@ -15,6 +16,49 @@ pub enum FixMethod {
     Doppler,
     /// Full pseudoranges and Dopplers together, of a receiver at rest.
     Combined,
+}
+
+/// How far redundant observations prove a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Integrity {
+    /// Every fault hypothesis that the observations do not contradict leads to a place within the alert limit.
+    Verified,
+    /// The same, after satellites were excluded as faulty.
+    Excluded,
+    /// A place that one more fault than the observations show could move beyond the alert limit, or that nothing
+    /// checks.
+    Unverified,
+}
+
+impl Integrity {
+    /// Whether the position counts as a fix.
+    pub fn is_proved(self) -> bool {
+        self != Self::Unverified
+    }
+}
+
+/// How far the true place may be from the printed one, m: exceeded with a probability of 1e-5 if a satellite is faulty
+/// with one of 1e-3, whatever its error.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ProtectionLevel {
+    /// In space.
+    pub position_m: f64,
+    /// In the horizontal plane.
+    pub horizontal_m: f64,
+    /// In height.
+    pub vertical_m: f64,
+}
+
+impl ProtectionLevel {
+    /// The same about a place `distance_m` away.
+    pub(crate) fn widened(self, distance_m: f64) -> Self {
+        Self {
+            position_m: self.position_m + distance_m,
+            horizontal_m: self.horizontal_m + distance_m,
+            vertical_m: self.vertical_m + distance_m,
+        }
+    }
 }
 
 /// What a satellite contributed to a fix.
@@ -76,6 +120,12 @@ pub struct Fix {
     pub residuals: Vec<Residual>,
     /// Satellites excluded as faulty.
     pub excluded: Vec<Sv>,
+    /// Other satellites that were not used, with reasons.
+    pub unused: Vec<Dropped>,
+    /// How far redundant observations prove it.
+    pub integrity: Integrity,
+    /// Protection level; none where a fault more than the observations show would leave too few satellites.
+    pub protection: Option<ProtectionLevel>,
     /// How the observations came about.
     pub method: FixMethod,
     /// How the time was searched for, where it was.

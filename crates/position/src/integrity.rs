@@ -9,6 +9,14 @@ use sdr_rx_gnss::coordinates::Geodetic;
 pub(crate) const MIN_RADIUS: f64 = 6.33e6;
 /// Largest such distance, m: 50 km above the equator.
 pub(crate) const MAX_RADIUS: f64 = 6.43e6;
+/// Prior probability of a fault of a satellite at an epoch.
+pub(crate) const PRIOR_FAULT: f64 = 1e-3;
+/// Probability that the error exceeds the protection level.
+pub(crate) const RISK: f64 = 1e-5;
+/// Largest protection level of a place that counts as proved, m.
+pub(crate) const ALERT_LIMIT_M: f64 = 75.0;
+/// Places nearer to each other than this, m, are the same for a person who looks for one.
+pub(crate) const DISTINCT_M: f64 = 25.0;
 /// Beyond this dilution a range error of 3 m is one of 300 m in position.
 const MAX_PDOP: f64 = 100.0;
 
@@ -55,9 +63,28 @@ pub(crate) fn chi_square_limit(degrees: usize) -> f64 {
     k * (1.0 - spread + Z * spread.sqrt()).powi(3)
 }
 
+/// The value that a standard normal variable exceeds with `probability`, to 5e-4 (Abramowitz and Stegun 26.2.23); 0 for
+/// a half and more.
+pub(crate) fn tail_quantile(probability: f64) -> f64 {
+    if probability >= 0.5 {
+        return 0.0;
+    }
+    let t = (-2.0 * probability.ln()).sqrt();
+    let above = 2.515517 + t * (0.802853 + t * 0.010328);
+    t - above / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantiles_agree_with_tables() {
+        // Abramowitz and Stegun, table 26.6.
+        for (probability, z) in [(0.5, 0.0), (0.1, 1.28155), (1e-3, 3.09023), (1e-7, 5.19934)] {
+            assert!((tail_quantile(probability) - z).abs() < 5e-4, "{probability}");
+        }
+    }
 
     #[test]
     fn the_limit_agrees_with_tables() {

@@ -11,6 +11,9 @@ pub struct PositioningOptions {
     pub troposphere: Troposphere,
     /// Satellites below this elevation, rad, are not used.
     pub elevation_mask: f64,
+    /// Satellites below this C/N0, dB-Hz, are not used: what a receiver reports below 28 dB-Hz may be noise. None where
+    /// the receiver's own tests of lock and parity tell.
+    pub min_cn0_dbhz: Option<f64>,
     /// What an epoch is solved from.
     pub observable: Observable,
     /// The solver that comes from the Earth's centre to an epoch's place.
@@ -36,6 +39,7 @@ impl Default for PositioningOptions {
         Self {
             troposphere: Troposphere::default(),
             elevation_mask: 5f64.to_radians(),
+            min_cn0_dbhz: None,
             observable: Observable::default(),
             solver: Solver::Best,
             robust: Robust::default(),
@@ -62,10 +66,13 @@ pub enum Observable {
 
 /// What is done when the residuals of an epoch are larger than their deviations explain (chi-square test,
 /// 1e-5 of false alarm).
+///
+/// A result counts as proved ([`crate::Integrity`]) only by the list of fault hypotheses, each judged by that test.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Exclusion {
-    /// Satellites without which the test passes are left out; if none is found, the epoch is refused.
+    /// The fewest satellites without which the test passes are left out, where no other such set leads to
+    /// another place; else the epoch is refused.
     #[default]
     ChiSquare,
     /// The epoch is refused.

@@ -44,8 +44,8 @@ impl Orbit<'_> {
     /// Standard deviation, m, of an L1 C/A range computed from orbit and satellite clock.
     pub fn range_sigma_m(&self) -> f64 {
         match self {
-            // Index 0 stands for 2.4 m, its upper bound, where orbit and clock are good to about 1 m.
-            Self::Broadcast(ephemeris) => ura_metres(ephemeris.ura_index) / 2.4,
+            // Index 0 stands for 2.4 m, its upper bound, where orbit and clock are good to about 0.7 m.
+            Self::Broadcast(ephemeris) => 0.7 * ura_metres(ephemeris.ura_index).max(2.4) / 2.4,
             Self::Precise(arc) => arc.range_sigma_m(),
         }
     }

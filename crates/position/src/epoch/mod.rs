@@ -2,22 +2,23 @@
 //!
 //! A bare solver from the Earth's centre on satellite positions ([`cold_start`]), then Gauss-Newton,
 //! weighted, on [`predicted`]: light time, Earth rotation, satellite clock, relativity, T_GD, Klobuchar and
-//! Saastamoinen ([`adjustment`]). A chi-square test of the residuals (1e-5 of false alarm) guards the result; a
-//! satellite without which it passes is excluded if one more than there are unknowns is left.
+//! Saastamoinen ([`adjustment`]). Which satellites are faulty, and whether the place is proved, says a list of fault
+//! hypotheses ([`separation`]); epochs of one receiver tell how far its errors are those of the model ([`sequence`]).
 
 mod adjustment;
 mod cold_start;
 pub(crate) mod predicted;
+mod separation;
+pub(crate) mod sequence;
 pub(crate) mod sighting;
 pub(crate) mod static_point;
 pub(crate) mod velocity;
 
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::fix::{Fix, FixMethod, Residual};
+use crate::fix::{Fix, FixMethod, Integrity, ProtectionLevel, Residual};
 use crate::options::{Exclusion, Observable, PositioningOptions};
 use crate::point::Point;
 use crate::problem::RowKind;
-use crate::solver::Solver;
 use crate::solver::point_solution::Iteration;
 pub(crate) use adjustment::ITERATES_M;
 use adjustment::{Adjusted, Adjustment, BIAS, DRIFT, Measured};
@@ -26,6 +27,7 @@ use nalgebra::Vector3;
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
+use separation::{Answer, Hypotheses, Hypothesis};
 use sighting::{Sighting, select};
 use velocity::motion;
 
@@ -37,7 +39,8 @@ use velocity::motion;
 ///
 /// # Errors
 /// [`PositioningError`] names the cause: too few usable satellites, stale ephemerides, divergence,
-/// degenerate geometry, an implausible place, or contradicting satellites too few to tell which.
+/// degenerate geometry, an implausible place, satellites that contradict each other, or sets of them that agree on
+/// different places.
 pub fn solve_epoch(
     epoch: &ObservationEpoch,
     nav: &NavigationData,
@@ -46,8 +49,7 @@ pub fn solve_epoch(
     solve_traced(epoch, nav, options, &mut |_| ())
 }
 
-/// As [`solve_epoch`]; `trace` sees each accepted step of the solver that comes from the Earth's centre, of
-/// every set of satellites that is tried.
+/// As [`solve_epoch`]; `trace` sees each accepted step of the solver that comes from the Earth's centre.
 ///
 /// # Errors
 /// As [`solve_epoch`].
@@ -57,30 +59,225 @@ pub fn solve_traced(
     options: &PositioningOptions,
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<Fix, PositioningError> {
-    let sightings = sightings(epoch, nav, options.observable)?;
-    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
-    let mut solver =
-        EpochSolver { adjustment, trace, solver: options.solver, alternatives: Vec::new() };
-    let (point, excluded) = solver.solve_with_exclusion(sightings)?;
-    let alternatives_m = solver.other_places(&point);
-    let solver = solver.solver.name();
-    Ok(Fix { solver, alternatives_m, ..fix(&point, epoch.sample, excluded, options) })
+    candidates(epoch, nav, options, trace)?.judge(1.0)
 }
 
-/// The observations of an epoch that the observable needs and that have an orbit.
+/// An epoch with the places of all its fault hypotheses: what of an epoch does not depend on those before.
+pub struct Candidates<'a> {
+    epoch: &'a ObservationEpoch,
+    adjustment: Adjustment<'a>,
+    sightings: Vec<Sighting<'a>>,
+    dropped: Vec<Dropped>,
+    cold_start: ColdStart,
+    hypotheses: Hypotheses<'a>,
+}
+
+/// Solves an epoch without judging it; `trace` is that of [`solve_traced`].
+///
+/// # Errors
+/// Too few usable satellites, stale ephemerides, divergence.
+pub fn candidates<'a>(
+    epoch: &'a ObservationEpoch,
+    nav: &'a NavigationData,
+    options: &'a PositioningOptions,
+    trace: &mut dyn FnMut(&Iteration),
+) -> Result<Candidates<'a>, PositioningError> {
+    let (sightings, dropped) = sightings(epoch, nav, options)?;
+    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
+    let cold_start = cold_start_of_most(&adjustment, &sightings, trace)?;
+    let start = &cold_start.state;
+    let above = above_mask(&adjustment, &sightings, start);
+    let mut hypotheses = Hypotheses::new(adjustment, above, start);
+    // A fault may have led to a place from where the wrong satellites seem below the mask.
+    if hypotheses.set.len() < sightings.len() && !hypotheses.agree() {
+        hypotheses = Hypotheses::new(adjustment, sightings.clone(), start);
+    }
+    Ok(Candidates { epoch, adjustment, sightings, dropped, cold_start, hypotheses })
+}
+
+/// The observations of an epoch that the observable needs and that have an orbit, and the others.
 fn sightings<'a>(
     epoch: &'a ObservationEpoch,
     nav: &'a NavigationData,
-    observable: Observable,
-) -> Result<Vec<Sighting<'a>>, PositioningError> {
+    options: &PositioningOptions,
+) -> Result<(Vec<Sighting<'a>>, Vec<Dropped>), PositioningError> {
     let time = epoch.receive_time;
-    let sighting = |o: &'a Observation| match (observable, o.range) {
-        (Observable::Doppler, _) => Sighting::of_doppler(o, time, nav),
-        (_, Some(CodeRange::Pseudorange(range_m))) => Sighting::new(o, range_m, time, nav),
-        (_, Some(CodeRange::ModuloCodePeriod(_))) => Err(DropReason::WrongKindOfRange),
-        (_, None) => Err(DropReason::NotANumber),
+    let sighting = |o: &'a Observation| {
+        if let (Some(cn0), Some(least)) = (o.cn0_dbhz, options.min_cn0_dbhz)
+            && cn0 < least
+        {
+            return Err(DropReason::Weak(cn0));
+        }
+        match (options.observable, o.range) {
+            (Observable::Doppler, _) => Sighting::of_doppler(o, time, nav),
+            (_, Some(CodeRange::Pseudorange(range_m))) => Sighting::new(o, range_m, time, nav),
+            (_, Some(CodeRange::ModuloCodePeriod(_))) => Err(DropReason::WrongKindOfRange),
+            (_, None) => Err(DropReason::NotANumber),
+        }
     };
     select(epoch, sighting, 4)
+}
+
+/// From the Earth's centre by all satellites; where that fails, without the first one that lets it succeed.
+fn cold_start_of_most(
+    adjustment: &Adjustment,
+    set: &[Sighting],
+    trace: &mut dyn FnMut(&Iteration),
+) -> Result<ColdStart, PositioningError> {
+    let all = cold_start(adjustment, set, trace);
+    if all.is_ok() || set.len() < 6 || adjustment.options.exclusion == Exclusion::Off {
+        return all;
+    }
+    let mut without = (0..set.len()).filter_map(|k| {
+        let mut rest = set.to_vec();
+        rest.remove(k);
+        cold_start(adjustment, &rest, trace).ok()
+    });
+    without.next().map_or(all, Ok)
+}
+
+/// The satellites above the elevation mask as seen from a point.
+fn above_mask<'a>(
+    adjustment: &Adjustment,
+    set: &[Sighting<'a>],
+    at: &Point<3>,
+) -> Vec<Sighting<'a>> {
+    let mask = adjustment.options.elevation_mask;
+    let seen = set.iter().zip(adjustment.predict(set, at));
+    seen.filter(|(_, p)| p.elevation >= mask).map(|(sighting, _)| *sighting).collect()
+}
+
+impl<'a> Candidates<'a> {
+    /// Weighted sum of squared residuals of all satellites over its degrees of freedom; none without redundancy.
+    pub fn variance_ratio(&self) -> Option<f64> {
+        let all = self.hypotheses.faultless().filter(|all| all.redundancy > 0)?;
+        Some(all.cost / all.redundancy as f64)
+    }
+
+    /// The position, if variances are `factor` times what the error model has; tests and protection levels take
+    /// them as at least that of the model.
+    ///
+    /// # Errors
+    /// As [`solve_epoch`].
+    pub fn judge(mut self, factor: f64) -> Result<Fix, PositioningError> {
+        /// The mask as seen from a better place may let other satellites in, once or twice.
+        const MASKED: usize = 3;
+        let options = self.adjustment.options;
+        if options.exclusion == Exclusion::Off {
+            let start = self.cold_start.state.clone();
+            let set = self.masked(&start)?;
+            let point = self.adjustment.solve(set, start, self.cold_start.iterations)?;
+            return Ok(self.fix(&point, factor, &[], None));
+        }
+        for _ in 0..MASKED {
+            let (best, level) = match self.hypotheses.judge(factor) {
+                Answer::Place(best, level) => (best, level),
+                Answer::Competing(best, rival) => return Err(self.competing(&best, &rival)),
+                Answer::None => return Err(self.contradiction()),
+            };
+            let above = self.masked(&best.point)?;
+            if !above.iter().map(Sighting::sv).eq(self.hypotheses.set.iter().map(Sighting::sv)) {
+                self.hypotheses = Hypotheses::new(self.adjustment, above, &best.point);
+                continue;
+            }
+            let faulty = self.names(&best);
+            if options.exclusion == Exclusion::Refuse && !faulty.is_empty() {
+                return Err(self.contradiction());
+            }
+            let used = above.into_iter().filter(|s| !faulty.contains(&s.sv())).collect();
+            let alert_limit_m = self.hypotheses.alert_limit(&best, factor);
+            let iterations = self.cold_start.iterations;
+            let point = self.adjustment.solve(used, best.point.clone(), iterations)?;
+            // What a robust loss, or weights by observable, make of it.
+            let moved = (point.state.x - best.point.x).norm();
+            let level = level.map(|level| level.widened(moved));
+            let mut fix = self.fix(&point, factor, &faulty, level);
+            if level.is_some_and(|level| level.position_m <= alert_limit_m) {
+                fix.integrity = match fix.excluded.is_empty() {
+                    true => Integrity::Verified,
+                    false => Integrity::Excluded,
+                };
+            }
+            return Ok(fix);
+        }
+        Err(self.contradiction())
+    }
+
+    /// The satellites above the mask, at least four.
+    fn masked(&self, at: &Point<3>) -> Result<Vec<Sighting<'a>>, PositioningError> {
+        let above = above_mask(&self.adjustment, &self.sightings, at);
+        if above.len() >= 4 {
+            return Ok(above);
+        }
+        let dropped = self.below_mask(at).chain(self.dropped.iter().copied()).collect();
+        Err(PositioningError::TooFewSatellites { usable: above.len(), needed: 4, dropped })
+    }
+
+    fn below_mask(&self, at: &Point<3>) -> impl Iterator<Item = Dropped> {
+        let mask = self.adjustment.options.elevation_mask;
+        let predictions = self.adjustment.predict(&self.sightings, at);
+        let all = self.sightings.iter().zip(predictions);
+        all.filter(move |(_, p)| p.elevation < mask).map(|(sighting, p)| Dropped {
+            sv: sighting.sv(),
+            reason: DropReason::BelowMask(p.elevation),
+        })
+    }
+
+    /// The satellites that a hypothesis takes for faulty.
+    fn names(&self, hypothesis: &Hypothesis) -> Vec<Sv> {
+        let set = self.hypotheses.set.iter().enumerate();
+        set.filter(|(k, _)| hypothesis.faulty >> k & 1 == 1).map(|(_, s)| s.sv()).collect()
+    }
+
+    fn competing(&self, best: &Hypothesis, rival: &Hypothesis) -> PositioningError {
+        let place = |h: &Hypothesis| (h.point.x, self.names(h));
+        let places = Box::new([place(best), place(rival)]);
+        PositioningError::Competing { satellites: self.hypotheses.set.len(), places }
+    }
+
+    /// What is wrong with all satellites together.
+    fn contradiction(&self) -> PositioningError {
+        let (set, start) = (self.hypotheses.set.clone(), self.cold_start.state.clone());
+        match self.adjustment.solve(set, start, self.cold_start.iterations) {
+            Ok(point) if point.contradiction() > 1.0 => point.inconsistent(),
+            Ok(point) => PositioningError::ImplausibleRadius { radius_m: point.state.x.norm() },
+            Err(error) => error,
+        }
+    }
+
+    /// Other places near the ground that explain the satellites of a solution as well.
+    fn other_places(&self, point: &Adjusted<'a>) -> Vec<Vector3<f64>> {
+        let refined = |start: &Point<3>| {
+            match self.adjustment.solve(point.used.clone(), start.clone(), 0) {
+                Ok(other) => (other.contradiction() <= 1.0).then_some(other.state.x),
+                // Too weak a geometry for a fix of its own: still a place that fits.
+                Err(_) => Some(start.x),
+            }
+        };
+        let distinct = |place: &Vector3<f64>| (place - point.state.x).norm() > DISTINCT_M;
+        self.cold_start.alternatives.iter().filter_map(refined).filter(distinct).collect()
+    }
+
+    /// The fix that an adjustment amounts to, not proved.
+    fn fix(
+        &self,
+        point: &Adjusted<'a>,
+        factor: f64,
+        faulty: &[Sv],
+        protection: Option<ProtectionLevel>,
+    ) -> Fix {
+        let fix = fix(point, self.epoch.sample, faulty.to_vec(), self.adjustment.options);
+        let below = self.below_mask(&point.state);
+        Fix {
+            solver: self.cold_start.solver.name(),
+            alternatives_m: self.other_places(point),
+            covariance: fix.covariance * factor,
+            clock_bias_sigma_s: fix.clock_bias_sigma_s.map(|sigma_s| sigma_s * factor.sqrt()),
+            unused: self.dropped.iter().copied().chain(below).collect(),
+            protection,
+            ..fix
+        }
+    }
 }
 
 /// The fix that an adjustment amounts to.
@@ -128,6 +325,9 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &Positioni
         vdop: point.geometry.vdop,
         residuals: used.into_iter().map(residual).collect(),
         excluded,
+        unused: Vec::new(),
+        integrity: Integrity::Unverified,
+        protection: None,
         method: match options.observable {
             Observable::Pseudorange => FixMethod::Tracking,
             Observable::Doppler => FixMethod::Doppler,
@@ -142,102 +342,6 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &Positioni
 
 /// Places farther apart than this are two, m.
 const DISTINCT_M: f64 = 1e3;
-
-/// A solver of sets of satellites of one epoch.
-struct EpochSolver<'a, 't> {
-    adjustment: Adjustment<'a>,
-    trace: &'t mut dyn FnMut(&Iteration),
-    /// The bare solver that led to the last set's solution, and the other places that fitted it.
-    solver: Solver,
-    alternatives: Vec<Point<3>>,
-}
-
-impl<'a> EpochSolver<'a, '_> {
-    /// Solves, and leaves out satellites one at a time, best first, until the residuals are
-    /// consistent: at most half of the redundant ones, and never so that less than one is redundant.
-    fn solve_with_exclusion(
-        &mut self,
-        mut set: Vec<Sighting<'a>>,
-    ) -> Result<(Adjusted<'a>, Vec<Sv>), PositioningError> {
-        let exclusion = self.adjustment.options.exclusion;
-        let limit = (set.len() - 4) / 2;
-        let mut excluded = Vec::new();
-        let mut first_error = None;
-        loop {
-            let error = match self.solve_set(&set) {
-                Ok(point) if point.contradiction() <= 1.0 || exclusion == Exclusion::Off => {
-                    return Ok((point, excluded));
-                }
-                Ok(point) => point.inconsistent(),
-                Err(error) => error,
-            };
-            let error = first_error.get_or_insert(error);
-            let may = exclusion == Exclusion::ChiSquare && set.len() >= 6 && excluded.len() < limit;
-            let best = (0..set.len())
-                .filter(|_| may)
-                .filter_map(|k| {
-                    let mut rest = set.clone();
-                    rest.remove(k);
-                    Some((k, self.solve_set(&rest).ok()?.contradiction()))
-                })
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            match best {
-                Some((k, _)) => excluded.push(set.remove(k).observation.sv()),
-                None => return Err(error.clone()),
-            }
-        }
-    }
-
-    /// Other places near the ground that explain the satellites of a solution as well.
-    fn other_places(&self, point: &Adjusted<'a>) -> Vec<Vector3<f64>> {
-        let refined = |start: &Point<3>| {
-            match self.adjustment.solve(point.used.clone(), start.clone(), 0) {
-                Ok(other) => (other.contradiction() <= 1.0).then_some(other.state.x),
-                // Too weak a geometry for a fix of its own: still a place that fits.
-                Err(_) => Some(start.x),
-            }
-        };
-        let distinct = |place: &Vector3<f64>| (place - point.state.x).norm() > DISTINCT_M;
-        self.alternatives.iter().filter_map(refined).filter(distinct).collect()
-    }
-
-    /// From the Earth's centre to the full model, above the elevation mask.
-    fn solve_set(&mut self, set: &[Sighting<'a>]) -> Result<Adjusted<'a>, PositioningError> {
-        let adjustment = self.adjustment;
-        let ColdStart { state: start, iterations: spent, solver, alternatives } =
-            cold_start(&adjustment, set, self.trace)?;
-        (self.solver, self.alternatives) = (solver, alternatives);
-        let mask = adjustment.options.elevation_mask;
-        let mut set = set.to_vec();
-        if adjustment.options.observable != Observable::Pseudorange {
-            // At the horizon the atmosphere's delay changes too fast for the rate to be linearised.
-            let predictions = adjustment.predict(&set, &start);
-            let mut above = predictions.iter().map(|p| p.elevation >= mask);
-            if above.clone().filter(|above| *above).count() > 4 {
-                set.retain(|_| above.next() == Some(true));
-            }
-        }
-        let point = adjustment.solve(set.clone(), start, spent)?;
-        let (above, below): (Vec<_>, Vec<_>) = std::iter::zip(&set, &point.view.predictions)
-            .partition(|(_, predicted)| predicted.elevation >= mask);
-        if below.is_empty() {
-            return Ok(point);
-        }
-        if above.len() < 4 {
-            let dropped = below.iter().map(|(sighting, predicted)| Dropped {
-                sv: sighting.observation.sv(),
-                reason: DropReason::BelowMask(predicted.elevation),
-            });
-            return Err(PositioningError::TooFewSatellites {
-                usable: above.len(),
-                needed: 4,
-                dropped: dropped.collect(),
-            });
-        }
-        let above = above.into_iter().map(|(sighting, _)| *sighting).collect();
-        adjustment.solve(above, point.state, point.iterations)
-    }
-}
 
 #[cfg(test)]
 mod tests;

@@ -2,6 +2,7 @@
 //! broadcast data allow, and how far that may be off.
 
 use crate::PositioningOptions;
+use crate::problem::Satellite;
 use nalgebra::Vector3;
 use sdr_rx_gnss::constants::{MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
@@ -11,6 +12,8 @@ use sdr_rx_gnss::{GpsTime, NavigationData, Orbit};
 /// The prediction for one satellite.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Predicted {
+    /// The satellite as it was at transmission, ECEF of reception.
+    pub satellite: Satellite,
     /// Unit vector from receiver to satellite, ECEF of reception.
     pub direction: Vector3<f64>,
     pub azimuth: f64,
@@ -58,14 +61,13 @@ impl Predicted {
         let ionosphere_m = nav.ionosphere.map(|model| model.delay_m(place, azimuth, elevation, t));
         let troposphere_m = options.troposphere.delay_m(place, elevation);
 
-        // The Klobuchar model removes about half of the delay (IS-GPS-200N 20.3.3.5.2.5); without
-        // it 5 m at the zenith, mapped by the model's own slant factor, are left.
+        // What is left of the ionosphere after the Klobuchar model, and without it, by the model's own slant factor;
+        // of the troposphere after the standard atmosphere; reflections at the antenna: all as measured against known
+        // positions (docs/positioning.md, "Standard deviations").
         let slant = 1.0 + 16.0 * (0.53 - elevation.max(0.0) / std::f64::consts::PI).powi(3);
-        let ionosphere_sigma = ionosphere_m.map_or(5.0 * slant, |delay| 0.5 * delay);
-        // A tenth of the troposphere covers the wet part that the standard atmosphere misses.
-        let troposphere_sigma = 0.1 * troposphere_m;
-        // Code multipath of a small antenna: 0.3 m at the zenith, a few metres at the horizon.
-        let multipath_sigma = 0.3 / elevation.max(0.05).sin();
+        let ionosphere_sigma = ionosphere_m.map_or(2.5 * slant, |delay| 0.15 * delay);
+        let troposphere_sigma = 0.03 * troposphere_m;
+        let multipath_sigma = 0.15 / elevation.max(0.05).sin();
         let range_sigma_m =
             [ionosphere_sigma, troposphere_sigma, orbit.range_sigma_m(), multipath_sigma]
                 .iter()
@@ -90,6 +92,7 @@ impl Predicted {
         };
         let atmosphere_rate_mps = carrier_delay(0.5) - carrier_delay(-0.5);
         Self {
+            satellite: Satellite { position_m: satellite.position_m, velocity_mps: velocity },
             direction,
             azimuth,
             elevation,

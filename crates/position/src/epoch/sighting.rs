@@ -40,6 +40,10 @@ impl<'a> Sighting<'a> {
         sighting.range_rate().map(|_| sighting).ok_or(DropReason::NotANumber)
     }
 
+    pub fn sv(&self) -> Sv {
+        self.observation.sv()
+    }
+
     /// Measured range rate, m/s, and its standard deviation, if the Doppler is a number.
     pub fn range_rate(&self) -> Option<(f64, f64)> {
         let (doppler, sigma) = (self.observation.doppler_hz?, self.observation.doppler_sigma_hz);
@@ -58,13 +62,13 @@ pub(crate) fn clock_of(sv: Sv) -> usize {
     }
 }
 
-/// The sightings that `make` makes of the observations of `epoch`, in the epoch's order; an error if fewer
-/// than `needed` are left.
+/// The sightings that `make` makes of the observations of `epoch`, in the epoch's order, and the observations that it
+/// refuses; an error if fewer than `needed` are left.
 pub(crate) fn select<'a>(
     epoch: &'a ObservationEpoch,
     make: impl Fn(&'a Observation) -> Result<Sighting<'a>, DropReason>,
     needed: usize,
-) -> Result<Vec<Sighting<'a>>, PositioningError> {
+) -> Result<(Vec<Sighting<'a>>, Vec<Dropped>), PositioningError> {
     let time = epoch.receive_time;
     let mut usable: Vec<Sighting> = Vec::new();
     let mut dropped = Vec::new();
@@ -81,7 +85,7 @@ pub(crate) fn select<'a>(
         }
     }
     if usable.len() >= needed {
-        return Ok(usable);
+        return Ok((usable, dropped));
     }
     let ages: Vec<f64> = dropped
         .iter()

@@ -54,7 +54,7 @@ pub fn solve_static(
         match solve_traced(epoch, nav, options, &mut |step| trace(k, step)) {
             Ok(fix) => {
                 let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv());
-                let mut set = sightings(epoch, nav, options.observable)?;
+                let (mut set, _) = sightings(epoch, nav, options)?;
                 set.retain(used);
                 let terms = [fix.clock_bias_s, fix.clock_drift_sps];
                 let mut own = point(&Place::at(fix.position_m), &set).clocks;

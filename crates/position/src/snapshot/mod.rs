@@ -17,8 +17,8 @@ mod time_window;
 
 use crate::epoch::sighting::{Sighting, select};
 use crate::epoch::velocity::motion;
-use crate::error::{DropReason, PositioningError};
-use crate::fix::{Fix, FixMethod, Residual};
+use crate::error::{DropReason, Dropped, PositioningError};
+use crate::fix::{Fix, FixMethod, Integrity, Residual};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::options::PositioningOptions;
@@ -68,7 +68,8 @@ pub fn solve_snapshot(
         return solve_blind(epoch, nav, options);
     }
     let time = epoch.receive_time;
-    let sightings = select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
+    let (sightings, dropped) =
+        select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
     let problem = CoarseTime { time: epoch.receive_time, nav, options };
     let mut error = None;
     for count in 0..=MAX_EXCLUDED {
@@ -95,7 +96,9 @@ pub fn solve_snapshot(
             return Err(other.ambiguous(&best.fix));
         }
         let excluded = excluded.iter().map(|&k| sightings[k].observation.sv()).collect();
-        return finish(&problem, epoch, &set, best, excluded);
+        let mut fix = finish(&problem, epoch, &set, best, excluded)?;
+        fix.unused.extend(dropped);
+        return Ok(fix);
     }
     Err(error.unwrap_or(PositioningError::TooFewSatellites {
         usable: sightings.len(),
@@ -280,10 +283,15 @@ fn finish(
     let above: Vec<usize> =
         (0..set.len()).filter(|&k| found.fix.predictions[k].elevation >= mask).collect();
     let used: Vec<Sighting> = above.iter().map(|&k| set[k]).collect();
+    let below = (0..set.len()).filter(|k| !above.contains(k)).map(|k| Dropped {
+        sv: set[k].sv(),
+        reason: DropReason::BelowMask(found.fix.predictions[k].elevation),
+    });
+    let unused: Vec<Dropped> = below.collect();
     let too_few = PositioningError::TooFewSatellites {
         usable: used.len(),
         needed: NEEDED,
-        dropped: Vec::new(),
+        dropped: unused.clone(),
     };
     if used.len() < NEEDED {
         return Err(too_few);
@@ -348,6 +356,13 @@ fn finish(
         hdop: geometry.hdop,
         vdop: geometry.vdop,
         residuals: residuals.collect(),
+        integrity: match excluded.is_empty() {
+            _ if satellites <= NEEDED => Integrity::Unverified,
+            true => Integrity::Verified,
+            false => Integrity::Excluded,
+        },
+        protection: None,
+        unused,
         excluded,
         method: FixMethod::Snapshot,
         solver: "aw-dgn-bt",

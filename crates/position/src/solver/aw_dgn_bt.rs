@@ -18,7 +18,7 @@
 //! 13  until |mu dx| < eps
 //! ```
 //!
-//! The loop is [`crate::gauss_newton`]'s, of which this file holds the paper's tests and numbers.
+//! The loop is `gauss_newton`'s, of which this file holds the paper's tests and numbers.
 //! GN has `mu = 1` and no line 9; ADGN lacks the wall (`|r|` in line 9), AW-DGN has it.
 //!
 //! Decisions where the paper is silent or misprinted:
