@@ -27,7 +27,7 @@ use nalgebra::Vector3;
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
-use separation::{Answer, Hypotheses, Hypothesis};
+use separation::{Answer, Hypotheses, Hypothesis, Set, subsets};
 use sighting::{Sighting, select};
 use velocity::motion;
 
@@ -118,22 +118,24 @@ fn sightings<'a>(
     select(epoch, sighting, 4)
 }
 
-/// From the Earth's centre by all satellites; where that fails, without the first one that lets it succeed.
+/// From the Earth's centre by all satellites; where that fails, without the first one or two that let it succeed.
 fn cold_start_of_most(
     adjustment: &Adjustment,
     set: &[Sighting],
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<ColdStart, PositioningError> {
     let all = cold_start(adjustment, set, trace);
-    if all.is_ok() || set.len() < 6 || adjustment.options.exclusion == Exclusion::Off {
-        return all;
-    }
-    let mut without = (0..set.len()).filter_map(|k| {
-        let mut rest = set.to_vec();
-        rest.remove(k);
-        cold_start(adjustment, &rest, trace).ok()
-    });
-    without.next().map_or(all, Ok)
+    let spare = match adjustment.options.exclusion {
+        Exclusion::Off => 0,
+        _ => set.len().saturating_sub(5).min(2) as u32,
+    };
+    let mut fewer = (1..=spare).flat_map(|faults| subsets(set.len() as u32, faults));
+    let mut without = |faulty: Set| {
+        let used = set.iter().enumerate().filter(|(k, _)| faulty >> k & 1 == 0);
+        let used: Vec<Sighting> = used.map(|(_, sighting)| *sighting).collect();
+        cold_start(adjustment, &used, trace).ok()
+    };
+    all.or_else(|error| fewer.find_map(&mut without).ok_or(error))
 }
 
 /// The satellites above the elevation mask as seen from a point.

@@ -12,8 +12,8 @@
 //! PL = max ( |x* - x_h| + K_h s_h ),  K_h = Qinv( P / (2 n p_h) ),  p_h = p^max(0, |h| - |h*|)
 //! ```
 //!
-//! with the prior `p` of a fault ([`PRIOR_FAULT`]) and the integrity risk `P` ([`RISK`]); `K_h` is 0 where it would be
-//! negative. Against the paper, the measured separation stands in place of its threshold: if `h` is the truth, no fault
+//! with the prior `p` of a fault ([`PRIOR_FAULT`]) and the integrity risk `P` ([`RISK`]); `K_h` is 0 where a
+//! hypothesis is so improbable that its share of the risk is half of it. Against the paper, the measured separation stands in place of its threshold: if `h` is the truth, no fault
 //! touches `x_h`, so that the error stays below `|x* - x_h| + K_h s_h`. Horizontal and vertical levels are the same of
 //! their parts.
 //!
@@ -33,6 +33,7 @@ use crate::options::{Height, Observable};
 use crate::point::Point;
 use crate::problem::{RowKind, Satellite};
 use nalgebra::{Matrix3, Vector3};
+use sdr_rx_gnss::constants::EARTH_RADIUS;
 use sdr_rx_gnss::coordinates::Geodetic;
 
 /// Faults that are always reckoned with.
@@ -193,7 +194,11 @@ impl<'a> Hypotheses<'a> {
     }
 
     fn solve_all(&mut self, faults: u32) {
-        let start = self.list.first().map_or(&self.anchors[0].at, |h| &h.point).clone();
+        let mut start = self.list.first().map_or(&self.anchors[0].at, |h| &h.point).clone();
+        if !ITERATES_M.contains(&start.x.norm()) {
+            // A gross fault has led into the Earth or far away: the others lead back from the surface.
+            start.x *= EARTH_RADIUS / start.x.norm().max(1.0);
+        }
         for faulty in subsets(self.set.len() as u32, faults) {
             let solved = self.solve(faulty, &start);
             self.list.extend(solved);
@@ -313,7 +318,8 @@ impl<'a> Hypotheses<'a> {
         Some(reckoned_with().fold(zero, |level, h| {
             let more = h.faults().saturating_sub(best.faults());
             let prior = PRIOR_FAULT.powi(more as i32);
-            let k = tail_quantile(RISK / (2.0 * count * prior));
+            let share = RISK / (count * prior);
+            let k = if share < 0.5 { tail_quantile(share / 2.0) } else { 0.0 };
             let apart: Vector3<f64> = enu * (h.point.x - best.point.x);
             let covariance = enu * h.covariance * enu.transpose() * factor;
             let variance = |axis: usize| covariance[(axis, axis)];
@@ -329,7 +335,7 @@ impl<'a> Hypotheses<'a> {
 }
 
 /// All sets of `count` of `of` satellites, in order.
-fn subsets(of: u32, count: u32) -> impl Iterator<Item = Set> {
+pub(super) fn subsets(of: u32, count: u32) -> impl Iterator<Item = Set> {
     let first = (count <= of).then(|| (1 << count) - 1);
     let limit: Set = if of < Set::BITS { 1 << of } else { Set::MAX };
     // The next larger number with as many bits (Warren, "Hacker's Delight", 2-1).
