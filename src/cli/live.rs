@@ -122,17 +122,18 @@ impl Live {
 }
 
 /// A fix in a line: UTC, latitude and longitude in degrees, height above WGS 84, satellites, standard deviation
-/// (3-D), signal from the first sample on.
+/// (3-D), signal from the first sample on, whether it is proved.
 fn fix_line(fix: &Fix, rate_hz: f64) -> String {
     let position = Geodetic::from_ecef(&fix.position_m);
     let sigma_m = fix.covariance.trace().max(0.0).sqrt();
     format!(
-        "{} {:.7} {:.7} {:.1} m, {} satellites, {sigma_m:.1} m (1 sigma), {:.2} s",
+        "{} {:.7} {:.7} {:.1} m, {} satellites, {sigma_m:.1} m (1 sigma), {:.2} s{}",
         fix.time.utc_iso(),
         position.latitude.to_degrees(),
         position.longitude.to_degrees(),
         position.height,
         fix.residuals.len(),
-        fix.sample / rate_hz
+        fix.sample / rate_hz,
+        if fix.integrity.is_proved() { "" } else { ", UNVERIFIED" }
     )
 }

@@ -109,9 +109,9 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
         printed.write_files(folder, args.report)?;
     }
     printed.print(args.json.as_deref(), !events_out, true)?;
-    Ok(match (interrupted, record.fixes.is_empty()) {
+    Ok(match (interrupted, record.fixes.iter().any(|f| f.integrity.is_proved())) {
         (true, _) => ExitCode::from(130),
-        (false, true) => ExitCode::from(1),
-        (false, false) => ExitCode::SUCCESS,
+        (false, true) => ExitCode::SUCCESS,
+        (false, false) => ExitCode::from(1),
     })
 }

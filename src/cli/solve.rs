@@ -14,8 +14,8 @@ use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::gnss::{GpsTime, NavigationData};
 use sdr_rx::position::solver::point_solution::{Iteration, trace_csv};
 use sdr_rx::position::{
-    Exclusion, Fix, Height, Observable, PositioningError, PositioningOptions, Robust, Solver,
-    solve_static, solve_traced,
+    Exclusion, Fix, Height, Observable, PositioningError, PositioningOptions, Robust, Sequence,
+    Solver, candidates, solve_static,
 };
 use sdr_rx::report::{self, Input, OutputDir, Reference, Run};
 use std::path::{Path, PathBuf};
@@ -62,6 +62,9 @@ pub(super) struct Solve {
     /// The height is known: metres above WGS 84, and their standard deviation, such as 560:10
     #[arg(long, value_name = "M:SIGMA", value_parser = height, allow_hyphen_values = true, help_heading = "Position")]
     height: Option<Height>,
+    /// Leave out satellites whose C/N0 is lower, dB-Hz: what receivers report below 28 may be noise
+    #[arg(long, value_name = "DBHZ", default_value_t = 28.0, help_heading = "Position")]
+    min_cn0: f64,
     /// True position, deg, deg, m above WGS 84, to compare with [default: APPROX POSITION of the file]
     #[arg(long, value_name = "LAT,LON,H", value_parser = position, allow_hyphen_values = true, help_heading = "Output")]
     reference: Option<Geodetic>,
@@ -157,6 +160,7 @@ impl Solve {
                 ExclusionArg::Off => Exclusion::Off,
             },
             height: self.height,
+            min_cn0_dbhz: Some(self.min_cn0),
             ..self.corrections.options()?
         })
     }
@@ -182,6 +186,7 @@ impl Solve {
 struct Solved {
     epochs: Vec<ObservationEpoch>,
     fixes: Vec<Fix>,
+    sequence: Sequence,
     /// Epochs without a position.
     refused: Vec<(GpsTime, PositioningError)>,
     trace: String,
@@ -203,7 +208,7 @@ impl Solved {
     }
 }
 
-/// Solves, prints and writes. Exit code 1 when there is no fix.
+/// Solves, prints and writes. Exit code 1 when there is no fix that redundant observations prove.
 pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads.unwrap_or(0))
@@ -259,6 +264,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
             "exclusion": options.exclusion,
             "height": options.height,
             "troposphere": options.troposphere,
+            "min_cn0_dbhz": options.min_cn0_dbhz,
             "elevation_mask_deg": options.elevation_mask.to_degrees(),
         }),
     };
@@ -274,7 +280,8 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         text += &report::sky_plot_text(&report::satellites_in_view(&run));
     }
     output::emit(&run, args.json.as_deref(), text)?;
-    Ok(if solved.fixes.is_empty() { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    let proved = solved.fixes.iter().any(|fix| fix.integrity.is_proved());
+    Ok(if proved { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Reads the file and solves its epochs.
@@ -330,7 +337,7 @@ fn solve(
     Ok((reader.header().clone(), solved))
 }
 
-/// Solves epochs by themselves, on all processors; the result does not depend on their number.
+/// Solves epochs on all processors and judges them in order; the result does not depend on the number of processors.
 fn solve_chunk(
     chunk: &[ObservationEpoch],
     navigation: &NavigationData,
@@ -347,13 +354,13 @@ fn solve_chunk(
                     steps.push(step.clone());
                 }
             };
-            let result = solve_traced(epoch, navigation, options, &mut keep);
+            let result = candidates(epoch, navigation, options, &mut keep);
             (result, steps)
         })
         .collect();
     for (epoch, (result, steps)) in chunk.iter().zip(results) {
         solved.add_trace(epoch.receive_time, &steps);
-        match result {
+        match result.and_then(|candidates| solved.sequence.judge(candidates)) {
             Ok(fix) => solved.fixes.push(fix),
             Err(error) => solved.refused.push((epoch.receive_time, error)),
         }

@@ -5,7 +5,7 @@ use super::event::NoFix;
 use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData, Sv};
-use crate::position::{Fix, PositioningError, solve_epoch};
+use crate::position::{Fix, PositioningError, Sequence, candidates, solve_epoch};
 use crate::tracking::{TrackLog, observation_epochs};
 use rayon::prelude::*;
 
@@ -51,12 +51,17 @@ impl Tracks {
             return Resolved { epochs: Vec::new(), fixes: Vec::new(), reason: Some(reason) };
         };
         let epochs_from = |origin| observation_epochs(&self.logs, origin, self.rate_hz);
-        let solve = |epoch: &ObservationEpoch| solve_epoch(epoch, navigation, &options.positioning);
+        let positioning = &options.positioning;
         // The first solution tells the receiver's clock; times are then right to 0.1 us.
-        let bias_s = epochs_from(origin).iter().find_map(|e| solve(e).ok()?.clock_bias_s);
+        let bias = |e| solve_epoch(e, navigation, positioning).ok()?.clock_bias_s;
+        let bias_s = epochs_from(origin).iter().find_map(bias);
         let origin = bias_s.map_or(origin, |bias_s| round_time(origin - bias_s));
         let epochs = epochs_from(origin);
-        let solved: Vec<Result<Fix, PositioningError>> = epochs.par_iter().map(solve).collect();
+        let solve = |epoch| candidates(epoch, navigation, positioning, &mut |_| ());
+        let solved: Vec<_> = epochs.par_iter().map(solve).collect();
+        let mut sequence = Sequence::default();
+        let solved: Vec<Result<Fix, PositioningError>> =
+            solved.into_iter().map(|solved| sequence.judge(solved?)).collect();
         let error = solved.iter().rev().find_map(|s| s.as_ref().err()).cloned();
         let fixes: Vec<Fix> = solved.into_iter().filter_map(Result::ok).collect();
         let reason = fixes.is_empty().then(|| error.map_or(NoFix::TooFew, NoFix::Solution));

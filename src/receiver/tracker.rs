@@ -18,7 +18,7 @@ use crate::correlator::SampleBuffer;
 use crate::gnss::message::{NavigationCollector, Update};
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{NavigationData, Sv, Transmission};
-use crate::position::solve_epoch;
+use crate::position::{Sequence, candidates};
 use crate::tracking::{LockState, TrackLog, observation_epoch};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -62,6 +62,8 @@ pub(super) struct Tracker {
     ready: BTreeMap<Sv, f64>,
     /// Jumps of code phases at reacquisition: sample, jump in s.
     jumps: Vec<(u64, f64)>,
+    /// The scale of the errors, from the epochs so far.
+    sequence: Sequence,
     next_retry_s: f64,
     next_search_s: f64,
 }
@@ -97,6 +99,7 @@ impl Tracker {
             navigation: options.navigation.clone(),
             ready: BTreeMap::new(),
             jumps: Vec::new(),
+            sequence: Sequence::default(),
             next_retry_s: RETRY_S,
             next_search_s: SEARCH_AGAIN_S,
         }
@@ -291,7 +294,10 @@ impl Tracker {
         let navigation = &self.navigation;
         let epoch_at =
             |sample, origin| observation_epoch(logs.iter().copied(), sample, origin, rate_hz);
-        let solve = |epoch: &ObservationEpoch| solve_epoch(epoch, navigation, &options.positioning);
+        let sequence = &mut self.sequence;
+        let mut solve = |epoch: &ObservationEpoch| {
+            sequence.judge(candidates(epoch, navigation, &options.positioning, &mut |_| ())?)
+        };
         if self.clock.origin().is_none() {
             let Some(newest) = self.clock.newest_complete().filter(|_| self.ready.len() >= 4)
             else {
@@ -299,7 +305,7 @@ impl Tracker {
             };
             // The first solution gives the receiver's clock; times are then correct to 0.1 us.
             let origin = receive_origin(&logs, navigation, options.time, rate_hz);
-            let bias_at = |o| solve(&epoch_at(newest, o)?).ok()?.clock_bias_s;
+            let mut bias_at = |o| solve(&epoch_at(newest, o)?).ok()?.clock_bias_s;
             let Some((origin, bias_s)) = origin.and_then(|o| Some((o, bias_at(o)?))) else {
                 return;
             };

@@ -1,6 +1,6 @@
 //! Errors of fixes against a known position.
 
-use super::summary::quantile;
+use super::summary::{counted, quantile};
 use crate::gnss::coordinates::Geodetic;
 use crate::position::Fix;
 use nalgebra::Vector3;
@@ -37,8 +37,9 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// The errors of the fixes; `None` without fixes.
+    /// The errors of the fixes that count ([`super::counted`]); `None` without fixes.
     pub fn new(fixes: &[Fix], reference: &Reference) -> Option<Self> {
+        let fixes = counted(fixes);
         let truth_m = reference.position_m;
         let enu = Geodetic::from_ecef(&truth_m).ecef_to_enu();
         let errors: Vec<Vector3<f64>> =

@@ -65,8 +65,14 @@ pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBu
     let mut paths = vec![folder.write("result.json", json(run))?];
     if let (Some(first), Some(last)) = (run.epochs.first(), run.epochs.last()) {
         let name = rinex_obs::file_name(first.receive_time, last.receive_time, run.epochs.len());
-        let median_m = Summary::new(run.fixes, run.input.rate_hz()).map(|s| s.median_m);
-        let text = rinex_obs::write(run.epochs, median_m.unwrap_or_default());
+        let summary = Summary::new(run.fixes, run.input.rate_hz());
+        let of = match &summary {
+            None => "no position was found".to_owned(),
+            Some(s) if s.proved => format!("approximate position: median of {} fixes", s.fixes),
+            Some(s) => format!("approximate position: {} UNVERIFIED positions", s.fixes),
+        };
+        let median_m = summary.map(|s| s.median_m).unwrap_or_default();
+        let text = rinex_obs::write(run.epochs, median_m, &of);
         paths.push(folder.write(&name, text)?);
     }
     if !run.navigation.is_empty() {

@@ -6,8 +6,8 @@ use crate::position::Fix;
 use geojson::{Feature, FeatureCollection, GeoJson, Geometry};
 use serde_json::json;
 
-/// The track as a line (of two fixes or more), then each fix as a point with its time, standard deviation and
-/// solver. Heights are above the WGS 84 ellipsoid, as RFC 7946 requires.
+/// The track as a line (of two fixes or more), then each fix as a point with its time, standard deviation,
+/// integrity and solver. Heights are above the WGS 84 ellipsoid, as RFC 7946 requires.
 pub fn geojson(run: &Run) -> String {
     let coordinates = |fix: &Fix| {
         let position = Geodetic::from_ecef(&fix.position_m);
@@ -29,6 +29,8 @@ pub fn geojson(run: &Run) -> String {
         let properties = json!({
             "time": fix.time.utc_iso(),
             "sigma_enu_m": sigma,
+            "integrity": fix.integrity,
+            "protection": fix.protection,
             "satellites": fix.residuals.len(),
             "pdop": fix.pdop,
             "solver": fix.solver,

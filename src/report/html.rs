@@ -2,7 +2,7 @@
 
 use super::kml::escape;
 use super::{
-    Input, ReportError, Run, Summary, acquisition_table, array_sky_table, arrival_plot,
+    Input, ReportError, Run, Summary, acquisition_table, array_sky_table, arrival_plot, counted,
     east_north_plot, fix_table, height_plot, satellites_in_view, sky_plot,
 };
 use std::fmt::Write;
@@ -40,8 +40,8 @@ pub fn html(run: &Run) -> Result<String, ReportError> {
     }
     let _ = writeln!(page, "<h2>Position</h2>\n<pre>{}</pre>", escape(&fix_table(run)));
     if let Some(summary) = Summary::new(run.fixes, run.input.rate_hz()) {
-        let first = run.fixes[0].time;
-        let times: Vec<f64> = run.fixes.iter().map(|f| f.time - first).collect();
+        let fixes = counted(run.fixes);
+        let times: Vec<f64> = fixes.iter().map(|f| f.time - fixes[0].time).collect();
         let _ = writeln!(
             page,
             "<div class=\"plots\">\n{}{}{}</div>",

@@ -8,7 +8,7 @@ use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::message::sbas;
-use crate::position::{Fix, FixMethod};
+use crate::position::{Fix, FixMethod, Integrity, ProtectionLevel};
 use serde::Serialize;
 
 /// The whole record of a run.
@@ -122,8 +122,21 @@ pub(super) struct FixRecord {
     /// Other positions that explain the observations equally well, ECEF.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     alternatives_ecef_m: Vec<[f64; 3]>,
+    /// Whether redundant observations prove it, and how far the true place may be, m.
+    integrity: Integrity,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    protection: Option<ProtectionLevel>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     excluded: Vec<Sv>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    unused: Vec<UnusedRecord>,
+}
+
+/// A satellite that was not used.
+#[derive(Clone, Debug, Serialize)]
+struct UnusedRecord {
+    sv: Sv,
+    reason: String,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -241,7 +254,12 @@ impl FixRecord {
                 .iter()
                 .map(|&position| position.into())
                 .collect(),
+            integrity: fix.integrity,
+            protection: fix.protection,
             excluded: fix.excluded.clone(),
+            unused: (fix.unused.iter())
+                .map(|d| UnusedRecord { sv: d.sv, reason: d.reason.to_string() })
+                .collect(),
         }
     }
 }

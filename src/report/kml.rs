@@ -17,8 +17,9 @@ pub fn kml(run: &Run) -> String {
     if let Some(summary) = Summary::new(run.fixes, run.input.rate_hz()) {
         let _ = writeln!(
             text,
-            "<Placemark><name>median of {} fixes</name><Point><coordinates>{}</coordinates></Point></Placemark>",
+            "<Placemark><name>median of {} {}</name><Point><coordinates>{}</coordinates></Point></Placemark>",
             summary.fixes,
+            if summary.proved { "fixes" } else { "unverified positions" },
             coordinates(&summary.median_m)
         );
     }

@@ -1,4 +1,4 @@
-//! NMEA 0183 sentences: RMC, GGA, GSA and GSV for every fix.
+//! NMEA 0183 sentences: RMC, GGA, GST, GSA and GSV for every fix.
 
 use super::{Run, SatelliteInView, satellites_in_view};
 use crate::gnss::coordinates::Geodetic;
@@ -13,6 +13,8 @@ const KNOT: f64 = 1852.0 / 3600.0;
 ///
 /// Height: no geoid model is used, so GGA gives the height above the WGS 84 ellipsoid and a geoid
 /// separation of 0.0; a reader that adds the two gets the ellipsoidal height back.
+///
+/// A position that is not proved has status V and mode E in RMC, and quality 6 (estimated) in GGA.
 pub fn nmea(run: &Run) -> String {
     let mut text = String::new();
     for fix in run.fixes {
@@ -48,15 +50,26 @@ fn sentences(text: &mut String, fix: &Fix, in_view: &[SatelliteInView]) {
         let hundredths = (enu.x.atan2(enu.y).to_degrees() * 100.0).round();
         course = format!("{:.2}", hundredths.rem_euclid(36_000.0) / 100.0);
     }
-    push(text, &format!("{talker}RMC,{time},A,{latitude},{longitude},{speed},{course},{date},,,A"));
+    let (status, mode, quality) = match fix.integrity.is_proved() {
+        true => ('A', 'A', 1),
+        // A warning, and an estimate.
+        false => ('V', 'E', 6),
+    };
+    push(
+        text,
+        &format!(
+            "{talker}RMC,{time},{status},{latitude},{longitude},{speed},{course},{date},,,{mode}"
+        ),
+    );
     let used = fix.residuals.len().min(12);
     let (hdop, height) = (fix.hdop, position.height);
     push(
         text,
         &format!(
-            "{talker}GGA,{time},{latitude},{longitude},1,{used:02},{hdop:.2},{height:.3},M,0.0,M,,"
+            "{talker}GGA,{time},{latitude},{longitude},{quality},{used:02},{hdop:.2},{height:.3},M,0.0,M,,"
         ),
     );
+    push(text, &format!("{talker}GST,{time},{}", error_statistics(fix)));
     for &group in if mixed { &systems[..] } else { &[Constellation::Gps][..] } {
         let mut sentence = format!("{talker}GSA,A,3");
         let member = |sv: Sv| !mixed || sv.constellation() == group;
@@ -90,6 +103,26 @@ fn sentences(text: &mut String, fix: &Fix, in_view: &[SatelliteInView]) {
             push(text, &sentence);
         }
     }
+}
+
+/// Fields of GST after the time: rms of the pseudoranges' residuals, m; standard deviations of the horizontal error
+/// ellipse, m, and the direction of its major axis, degrees from north; of latitude, longitude and height, m.
+fn error_statistics(fix: &Fix) -> String {
+    let ranges: Vec<f64> = fix.residuals.iter().filter_map(|r| r.range_m).collect();
+    let mean_square = ranges.iter().map(|r| r * r).sum::<f64>() / ranges.len() as f64;
+    let rms = match ranges.is_empty() {
+        true => String::new(),
+        false => format!("{:.2}", mean_square.sqrt()),
+    };
+    let covariance = fix.covariance;
+    let ellipse = covariance.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
+    let (major, minor) = (ellipse.eigenvalues.max(), ellipse.eigenvalues.min());
+    let axis = ellipse.eigenvectors.column(ellipse.eigenvalues.imax());
+    let direction = axis[0].atan2(axis[1]).to_degrees().rem_euclid(180.0);
+    let sigma = |variance: f64| variance.max(0.0).sqrt();
+    let [east, north, up] = [0, 1, 2].map(|k| sigma(covariance[(k, k)]));
+    let (major, minor) = (sigma(major), sigma(minor));
+    format!("{rms},{major:.2},{minor:.2},{direction:.1},{north:.2},{east:.2},{up:.2}")
 }
 
 /// Adds `$`, the checksum (exclusive or of all characters between) and CR LF.

@@ -19,7 +19,7 @@ pub struct SatelliteInView {
     pub cn0_dbhz: Option<f64>,
 }
 
-/// The satellites of the last fix, in the order of [`Sv`].
+/// The satellites of the last fix that counts, in the order of [`Sv`].
 pub fn satellites_in_view(run: &Run) -> Vec<SatelliteInView> {
     let cn0 = |sv: Sv| {
         let newest = run.epochs.iter().rev().flat_map(|e| &e.observations).find(|o| o.sv() == sv);
@@ -32,14 +32,22 @@ pub fn satellites_in_view(run: &Run) -> Vec<SatelliteInView> {
         let (sv, azimuth, elevation) = (r.sv, r.azimuth, r.elevation);
         SatelliteInView { sv, azimuth, elevation, cn0_dbhz: cn0(sv) }
     };
-    run.fixes.last().map_or(Vec::new(), |fix| fix.residuals.iter().map(entry).collect())
+    counted(run.fixes).last().map_or(Vec::new(), |fix| fix.residuals.iter().map(entry).collect())
 }
 
-/// Statistics of the fixes of a run around their median.
+/// The positions that count: those that redundant observations prove; all, where none is proved.
+pub fn counted(fixes: &[Fix]) -> Vec<&Fix> {
+    let proved: Vec<&Fix> = fixes.iter().filter(|fix| fix.integrity.is_proved()).collect();
+    if proved.is_empty() { fixes.iter().collect() } else { proved }
+}
+
+/// Statistics of the fixes of a run that count ([`counted`]) around their median.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// Number of fixes.
+    /// Number of fixes that count.
     pub fixes: usize,
+    /// Whether they are proved.
+    pub proved: bool,
     /// First fix, s after the first sample.
     pub first_fix_s: f64,
     /// Median of each coordinate, m, ECEF.
@@ -63,6 +71,7 @@ pub struct Summary {
 impl Summary {
     /// The statistics of the fixes of a stream of `rate_hz`; `None` without fixes.
     pub fn new(fixes: &[Fix], rate_hz: f64) -> Option<Self> {
+        let fixes = counted(fixes);
         let first = fixes.first()?;
         let coordinate = |k: usize| quantile(fixes.iter().map(|f| f.position_m[k]).collect(), 0.5);
         let median_m = Vector3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?);
@@ -73,6 +82,7 @@ impl Summary {
         let speeds = fixes.iter().filter_map(|f| f.velocity_mps).map(|v| v.norm()).collect();
         Some(Self {
             fixes: fixes.len(),
+            proved: first.integrity.is_proved(),
             first_fix_s: first.sample / rate_hz,
             median_m,
             horizontal_50_m: horizontal(0.5)?,

@@ -1,8 +1,9 @@
 //! Tables for the terminal.
 
-use super::{Accuracy, Run, SatelliteInView, Summary};
+use super::{Accuracy, Run, SatelliteInView, Summary, counted};
 use crate::acquisition::Acquisition;
 use crate::gnss::coordinates::Geodetic;
+use crate::position::{Fix, Integrity};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write;
 
@@ -54,16 +55,22 @@ pub fn noise_line(run: &Run) -> String {
 
 /// Summary of the fixes: first fix, median position, spread, velocity, DOP; or why there is none.
 pub fn fix_table(run: &Run) -> String {
-    let (Some(s), Some(last)) = (Summary::new(run.fixes, run.input.rate_hz()), run.fixes.last())
-    else {
+    let fixes = counted(run.fixes);
+    let (Some(s), Some(last)) = (Summary::new(run.fixes, run.input.rate_hz()), fixes.last()) else {
         return format!("no fix: {}\n", run.reason.unwrap_or("no reason is known"));
     };
     let position = Geodetic::from_ecef(&s.median_m);
-    let mut text = String::new();
+    let mut text = match s.proved {
+        true => String::new(),
+        false => format!("no verified fix: {}\n", why_unverified(last)),
+    };
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "  {name:<11} {value}");
     };
-    line("fixes", format!("{} by {}, {} satellites", s.fixes, last.solver, last.residuals.len()));
+    line(
+        "fixes",
+        format!("{} by {}, {} satellites", states(run.fixes), last.solver, last.residuals.len()),
+    );
     let needed = run.first_fix_s.unwrap_or(s.first_fix_s);
     line("first fix", format!("from the first {needed:.2} s of signal"));
     line("last fix", last.time.utc_iso());
@@ -89,13 +96,29 @@ pub fn fix_table(run: &Run) -> String {
     );
     let [x, y, z]: [f64; 3] = s.median_m.into();
     line("ECEF", format!("{x:.2} {y:.2} {z:.2} m"));
+    let sigma = |axis: usize| last.covariance[(axis, axis)].max(0.0).sqrt();
     line(
-        "spread",
-        format!(
-            "horizontal {:.2} m (50 %) {:.2} m (95 %), vertical {:.2} m (50 %) {:.2} m (95 %)",
-            s.horizontal_50_m, s.horizontal_95_m, s.vertical_50_m, s.vertical_95_m
-        ),
+        "sigma",
+        format!("east {:.2} north {:.2} up {:.2} m (1 sigma, last)", sigma(0), sigma(1), sigma(2)),
     );
+    if let Some(level) = last.protection {
+        line(
+            "protection",
+            format!(
+                "level {:.1} m, horizontal {:.1} m, vertical {:.1} m (last)",
+                level.position_m, level.horizontal_m, level.vertical_m
+            ),
+        );
+    }
+    if s.fixes > 1 {
+        line(
+            "spread",
+            format!(
+                "horizontal {:.2} m (50 %) {:.2} m (95 %), vertical {:.2} m (50 %) {:.2} m (95 %)",
+                s.horizontal_50_m, s.horizontal_95_m, s.vertical_50_m, s.vertical_95_m
+            ),
+        );
+    }
     if let Some(a) = run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)) {
         let [east, north, up] = a.mean_enu_m;
         line(
@@ -120,7 +143,7 @@ pub fn fix_table(run: &Run) -> String {
             s.pdop, last.hdop, last.vdop
         ),
     );
-    let ambiguous = run.fixes.iter().filter(|f| !f.alternatives_m.is_empty()).count();
+    let ambiguous = fixes.iter().filter(|f| !f.alternatives_m.is_empty()).count();
     if ambiguous > 0 {
         line(
             "ambiguous",
@@ -134,7 +157,33 @@ pub fn fix_table(run: &Run) -> String {
         let names: Vec<String> = last.excluded.iter().map(ToString::to_string).collect();
         line("excluded", names.join(" "));
     }
+    if !last.unused.is_empty() {
+        let reasons: Vec<String> =
+            last.unused.iter().map(|d| format!("{} {}", d.sv, d.reason)).collect();
+        line("not used", reasons.join(", "));
+    }
     text
+}
+
+/// How many fixes are in which state.
+fn states(fixes: &[Fix]) -> String {
+    let states = [Integrity::Verified, Integrity::Excluded, Integrity::Unverified];
+    let names = ["verified", "verified after exclusions", "unverified"];
+    let counts = states.map(|state| fixes.iter().filter(|f| f.integrity == state).count());
+    let named = counts.iter().zip(names).filter(|(count, _)| **count > 0);
+    named.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Why a position is not proved.
+fn why_unverified(fix: &Fix) -> String {
+    let satellites = fix.residuals.len();
+    match fix.protection {
+        Some(level) => format!(
+            "a fault that the {satellites} satellites do not show could put the position {:.0} m off",
+            level.position_m
+        ),
+        None => format!("{satellites} satellites are too few to check each other"),
+    }
 }
 
 /// Sky plot as text: north up, east right, the zenith in the middle and the horizon as the edge.

@@ -11,7 +11,7 @@ use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::orbit::Propagation;
 use sdr_rx::gnss::signal::{self, L1_CENTRE_HZ, L1_WAVELENGTH};
 use sdr_rx::gnss::{GpsTime, NavigationData, Sv};
-use sdr_rx::position::{Fix, FixMethod, Residual};
+use sdr_rx::position::{Fix, FixMethod, Integrity, ProtectionLevel, Residual};
 use sdr_rx::report::{Input, Run};
 use std::path::Path;
 
@@ -130,6 +130,13 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         vdop: 1.6,
         residuals: epoch.observations.iter().filter_map(residual).collect(),
         excluded: Vec::new(),
+        unused: Vec::new(),
+        integrity: Integrity::Verified,
+        protection: Some(ProtectionLevel {
+            position_m: 20.0,
+            horizontal_m: 12.0,
+            vertical_m: 16.0,
+        }),
         method: FixMethod::Tracking,
         time_search: None,
         alternatives_m: Vec::new(),

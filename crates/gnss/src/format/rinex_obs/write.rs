@@ -8,13 +8,14 @@ use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// Observations as a file, `position_m` (ECEF) as its approximate position. Doppler is positive when the
+/// Observations as a file, `position_m` (ECEF) as its approximate position, what that is as a comment (of at most 60
+/// characters). Doppler is positive when the
 /// satellite approaches, the carrier phase grows with the pseudorange, and code ranges known only modulo a code
 /// period are left out (blank). Times and
 /// ranges are by the receiver's clock; no offset is applied.
-pub fn write(epochs: &[ObservationEpoch], position_m: Vector3<f64>) -> String {
+pub fn write(epochs: &[ObservationEpoch], position_m: Vector3<f64>, comment: &str) -> String {
     let signals = signals(epochs);
-    let mut text = header(epochs, position_m, &signals);
+    let mut text = header(epochs, position_m, comment, &signals);
     for epoch in epochs {
         let (year, month, day, hour, minute, second) = tenth_microsecond(epoch.receive_time);
         let of_satellites = || epoch.observations.chunk_by(|a, b| a.sv() == b.sv());
@@ -78,6 +79,7 @@ fn tenth_microsecond(t: GpsTime) -> (i32, u32, u32, u32, u32, f64) {
 fn header(
     epochs: &[ObservationEpoch],
     position_m: Vector3<f64>,
+    comment: &str,
     signals: &BTreeMap<Constellation, BTreeSet<&Signal>>,
 ) -> String {
     let gps_only = signals.keys().eq([&Constellation::Gps]);
@@ -95,6 +97,7 @@ fn header(
             "REC # / TYPE / VERS",
         ),
         (String::new(), "ANT # / TYPE"),
+        (comment.to_owned(), "COMMENT"),
         (format!("{x:14.4}{y:14.4}{z:14.4}"), "APPROX POSITION XYZ"),
         (format!("{0:14.4}{0:14.4}{0:14.4}", 0.0), "ANTENNA: DELTA H/E/N"),
     ];
