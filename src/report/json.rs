@@ -8,7 +8,7 @@ use crate::front_end::ImpulseReport;
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::message::sbas;
-use crate::position::{Fix, FixMethod, Integrity, ProtectionLevel};
+use crate::position::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel};
 use serde::Serialize;
 
 /// The whole record of a run.
@@ -124,6 +124,8 @@ pub(super) struct FixRecord {
     alternatives_ecef_m: Vec<[f64; 3]>,
     /// Whether redundant observations prove it, and how far the true place may be, m.
     integrity: Integrity,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doubt: Option<Doubt>,
     #[serde(skip_serializing_if = "Option::is_none")]
     protection: Option<ProtectionLevel>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -255,6 +257,7 @@ impl FixRecord {
                 .map(|&position| position.into())
                 .collect(),
             integrity: fix.integrity,
+            doubt: fix.doubt,
             protection: fix.protection,
             excluded: fix.excluded.clone(),
             unused: (fix.unused.iter())

@@ -3,7 +3,7 @@
 use super::{Accuracy, Run, SatelliteInView, Summary, counted};
 use crate::acquisition::Acquisition;
 use crate::gnss::coordinates::Geodetic;
-use crate::position::{Fix, Integrity};
+use crate::position::{Doubt, Fix, Integrity};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write;
 
@@ -177,12 +177,19 @@ fn states(fixes: &[Fix]) -> String {
 /// Why a position is not proved.
 fn why_unverified(fix: &Fix) -> String {
     let satellites = fix.residuals.len();
-    match fix.protection {
-        Some(level) => format!(
+    match (fix.doubt, fix.protection) {
+        (Some(Doubt::Motion(off_m)), _) => {
+            format!("it is {off_m:.0} m from where the fix before and the velocity lead")
+        }
+        (Some(Doubt::Clock(off_m)), _) => format!(
+            "the receiver's clock is {off_m:.0} m from where the fix before and its drift lead"
+        ),
+        (_, Some(level)) => format!(
             "a fault that the {satellites} satellites do not show could put the position {:.0} m off",
             level.position_m
         ),
-        None => format!("{satellites} satellites are too few to check each other"),
+        (Some(Doubt::ProtectionLevel), None) => "no test was asked for".to_owned(),
+        _ => format!("{satellites} satellites are too few to check each other"),
     }
 }
 

@@ -132,6 +132,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         excluded: Vec::new(),
         unused: Vec::new(),
         integrity: Integrity::Verified,
+        doubt: None,
         protection: Some(ProtectionLevel {
             position_m: 20.0,
             horizontal_m: 12.0,

@@ -38,6 +38,20 @@ impl Integrity {
     }
 }
 
+/// Why a position is not proved.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Doubt {
+    /// The satellites are too few to check each other.
+    NoRedundancy,
+    /// A fault that the observations do not show could move it beyond the alert limit; or no test was asked for.
+    ProtectionLevel,
+    /// It lies so far, m, from where the fix before and the velocities lead.
+    Motion(f64),
+    /// The receiver's clock is so far, m, from where the fix before and its drift lead.
+    Clock(f64),
+}
+
 /// How far the true place may be from the printed one, m: exceeded with a probability of 1e-5 if a satellite is faulty
 /// with one of 1e-3, whatever its error.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -124,6 +138,8 @@ pub struct Fix {
     pub unused: Vec<Dropped>,
     /// How far redundant observations prove it.
     pub integrity: Integrity,
+    /// Why it is not proved, where it is not.
+    pub doubt: Option<Doubt>,
     /// Protection level; none where a fault more than the observations show would leave too few satellites.
     pub protection: Option<ProtectionLevel>,
     /// How the observations came about.

@@ -15,7 +15,7 @@ pub(crate) mod static_point;
 pub(crate) mod velocity;
 
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::fix::{Fix, FixMethod, Integrity, ProtectionLevel, Residual};
+use crate::fix::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel, Residual};
 use crate::options::{Exclusion, Observable, PositioningOptions};
 use crate::point::Point;
 use crate::problem::RowKind;
@@ -195,6 +195,7 @@ impl<'a> Candidates<'a> {
             let level = level.map(|level| level.widened(moved));
             let mut fix = self.fix(&point, factor, &faulty, level);
             if level.is_some_and(|level| level.position_m <= alert_limit_m) {
+                fix.doubt = None;
                 fix.integrity = match fix.excluded.is_empty() {
                     true => Integrity::Verified,
                     false => Integrity::Excluded,
@@ -276,6 +277,13 @@ impl<'a> Candidates<'a> {
             covariance: fix.covariance * factor,
             clock_bias_sigma_s: fix.clock_bias_sigma_s.map(|sigma_s| sigma_s * factor.sqrt()),
             unused: self.dropped.iter().copied().chain(below).collect(),
+            doubt: Some(match protection {
+                Some(_) => Doubt::ProtectionLevel,
+                None if self.adjustment.options.exclusion == Exclusion::Off => {
+                    Doubt::ProtectionLevel
+                }
+                None => Doubt::NoRedundancy,
+            }),
             protection,
             ..fix
         }
@@ -329,6 +337,7 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &Positioni
         excluded,
         unused: Vec::new(),
         integrity: Integrity::Unverified,
+        doubt: None,
         protection: None,
         method: match options.observable {
             Observable::Pseudorange => FixMethod::Tracking,

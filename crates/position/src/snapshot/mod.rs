@@ -18,7 +18,7 @@ mod time_window;
 use crate::epoch::sighting::{Sighting, select};
 use crate::epoch::velocity::motion;
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::fix::{Fix, FixMethod, Integrity, Residual};
+use crate::fix::{Doubt, Fix, FixMethod, Integrity, Residual};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::options::PositioningOptions;
@@ -361,6 +361,7 @@ fn finish(
             true => Integrity::Verified,
             false => Integrity::Excluded,
         },
+        doubt: (satellites <= NEEDED).then_some(Doubt::NoRedundancy),
         protection: None,
         unused,
         excluded,

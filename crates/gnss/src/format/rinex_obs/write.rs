@@ -230,7 +230,7 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_written_is_read_back(epochs in epochs()) {
-            let text = write(&epochs, Vector3::zeros());
+            let text = write(&epochs, Vector3::zeros(), "");
             let reader = ObservationReader::new(text.as_bytes(), "x").unwrap();
             let read: Vec<ObservationEpoch> = reader.collect::<Result<_, _>>().unwrap();
             prop_assert_eq!(read.len(), epochs.len());
