@@ -5,8 +5,11 @@ use super::words;
 use sdr_rx::acquisition::{Acquisition, Refined};
 use sdr_rx::advice::{self, Advice, Reading};
 use sdr_rx::capture::{self, StreamInfo};
+use sdr_rx::position::Fix;
 use sdr_rx::receiver::{ReceiverOptions, Record};
-use sdr_rx::report::{self, OutputDir, Run};
+use sdr_rx::report::{self, OutputDir, Reference, Run};
+use sdr_rx::scenario::Scenario;
+use sdr_rx::scenario::receiver::Trajectory;
 use std::io::Write;
 use std::path::Path;
 
@@ -45,6 +48,16 @@ impl Printed<'_> {
         promised.filter(|_| !self.interrupted).or(Some(self.record.samples))
     }
 
+    /// Where the receiver of a scenario is at each fix.
+    fn truth(&self, scenario: &Scenario, rate_hz: f64) -> Reference<'static> {
+        let trajectory = Trajectory::new(&scenario.receiver, scenario.start);
+        let place = |fix: &Fix| trajectory.state(fix.sample / rate_hz).position_m;
+        Reference {
+            positions_m: self.record.fixes.iter().map(place).collect(),
+            source: "the scenario",
+        }
+    }
+
     fn with_run<T>(&self, then: impl FnOnce(&Run) -> anyhow::Result<T>) -> anyhow::Result<T> {
         let acquisitions: Vec<Acquisition> =
             self.record.acquisitions.iter().map(|r| r.acquisition).collect();
@@ -57,6 +70,7 @@ impl Printed<'_> {
         let notices = self.record.notices.iter().map(words::notice);
         let warnings: Vec<String> = notices.chain(self.advice.iter().map(words::advised)).collect();
         let reason = self.record.reason.as_ref().map(words::reason);
+        let scenario = self.receive.input.scenario()?;
         then(&Run {
             capture: &self.receive.input.name(),
             input: report::Input::Samples(&stream),
@@ -71,8 +85,8 @@ impl Printed<'_> {
             warnings: &warnings,
             reason: reason.as_deref(),
             first_fix_s: self.record.first_fix_s,
-            reference: None,
-            seed: self.receive.input.scenario()?.map(|scenario| scenario.seed),
+            reference: scenario.as_ref().map(|s| self.truth(s, stream.rate_hz)),
+            seed: scenario.as_ref().map(|scenario| scenario.seed),
             options: self.options.clone(),
         })
     }

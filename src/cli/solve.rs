@@ -237,8 +237,9 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         (marker + enu.transpose() * Vector3::new(east, north, up), "APPROX POSITION of the file")
     });
     let given = args.reference.map(|position| (position.to_ecef(), "--reference"));
-    let reference =
-        given.or(approximate).map(|(position_m, source)| Reference { position_m, source });
+    let reference = given
+        .or(approximate)
+        .map(|(position_m, source)| Reference { positions_m: vec![position_m], source });
     let name = args.observations.file_name().unwrap_or(args.observations.as_os_str());
     let run = Run {
         capture: &name.display().to_string(),

@@ -6,11 +6,11 @@ use crate::position::Fix;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// A known position.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A known position, or track.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Reference<'a> {
-    /// The position, m, ECEF.
-    pub position_m: Vector3<f64>,
+    /// The position, m, ECEF: one, or that at each fix of the run.
+    pub positions_m: Vec<Vector3<f64>>,
     /// Its origin.
     pub source: &'a str,
 }
@@ -20,7 +20,7 @@ pub struct Reference<'a> {
 pub struct Accuracy {
     /// Origin of the known position.
     pub reference: String,
-    /// The known position, m, ECEF.
+    /// The known position, m, ECEF, at the last fix.
     pub reference_ecef_m: [f64; 3],
     /// Half of the fixes are within this distance.
     pub error_50_m: f64,
@@ -39,11 +39,15 @@ pub struct Accuracy {
 impl Accuracy {
     /// The errors of the fixes that count ([`super::counted`]); `None` without fixes.
     pub fn new(fixes: &[Fix], reference: &Reference) -> Option<Self> {
-        let fixes = counted(fixes);
-        let truth_m = reference.position_m;
-        let enu = Geodetic::from_ecef(&truth_m).ecef_to_enu();
-        let errors: Vec<Vector3<f64>> =
-            fixes.iter().map(|f| enu * (f.position_m - truth_m)).collect();
+        let truths = reference.positions_m.iter().cycle();
+        let proved = counted(fixes).first()?.integrity.is_proved();
+        let counts = |(fix, _): &(&Fix, _)| fix.integrity.is_proved() || !proved;
+        let pairs: Vec<_> = fixes.iter().zip(truths).filter(counts).collect();
+        let error = |(fix, truth_m): &(&Fix, &Vector3<f64>)| {
+            Geodetic::from_ecef(truth_m).ecef_to_enu() * (fix.position_m - *truth_m)
+        };
+        let errors: Vec<Vector3<f64>> = pairs.iter().map(error).collect();
+        let truth_m = *pairs.last()?.1;
         let of = |part: fn(&Vector3<f64>) -> f64, q| quantile(errors.iter().map(part).collect(), q);
         let mean: Vector3<f64> = errors.iter().sum::<Vector3<f64>>() / errors.len().max(1) as f64;
         Some(Self {

@@ -317,6 +317,49 @@ fn what_is_proved_is_right_whatever_the_faults() -> Result<(), Failed> {
     Ok(())
 }
 
+/// A receiver whose signals have gone goes on with noise: code phases that walk away, Dopplers about zero.
+#[test]
+fn what_is_tracked_when_the_signal_has_gone_is_not_proved() -> Result<(), Failed> {
+    const GONE: usize = 120;
+    let Some(data) = data() else { return Ok(()) };
+    let stations = stations(&data)?;
+    let station = stations.last().ok_or("no station")?;
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let speeds: Vec<f64> = (0..64).map(|_| rng.random_range(-80.0..80.0)).collect();
+    for least in [Some(28.0), None] {
+        let options = PositioningOptions { min_cn0_dbhz: least, ..station.options };
+        let mut sequence = Sequence::default();
+        let (mut before, mut false_fixes) = (0, 0);
+        for (k, epoch) in station.epochs.iter().enumerate() {
+            let mut epoch = epoch.clone();
+            if k >= GONE {
+                // As in a real file: six that are left, 17 to 20 dB-Hz.
+                epoch.observations.truncate(6);
+                for (o, speed) in epoch.observations.iter_mut().zip(&speeds) {
+                    if let Some(CodeRange::Pseudorange(range_m)) = &mut o.range {
+                        *range_m += speed * (k - GONE) as f64;
+                    }
+                    o.doppler_hz = Some(rng.random_range(-100.0..100.0));
+                    o.cn0_dbhz = Some(rng.random_range(17.0..20.0));
+                }
+            }
+            let found = candidates(&epoch, &station.nav, &options, &mut |_| ());
+            let Ok(fix) = found.and_then(|c| sequence.judge(c)) else { continue };
+            let error_m = (fix.position_m - station.truth_m).norm();
+            match k < GONE {
+                true => before += usize::from(fix.integrity.is_proved()),
+                false => {
+                    false_fixes += usize::from(fix.integrity.is_proved() && error_m > 25.0);
+                }
+            }
+        }
+        if before < GONE - 3 || false_fixes > 0 {
+            return Err(format!("{before} before, {false_fixes} false ones after").into());
+        }
+    }
+    Ok(())
+}
+
 /// Errors over stated standard deviations, and over protection levels, of all epochs of each station in sequence.
 #[test]
 fn standard_deviations_are_those_of_the_errors() -> Result<(), Failed> {
