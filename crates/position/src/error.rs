@@ -121,8 +121,9 @@ pub enum PositioningError {
     },
     /// The residuals are too large, and too few satellites remain to tell which is faulty.
     #[error(
-        "the {satellites} satellites contradict each other: weighted square residuals {cost:.3e}, at most {threshold:.1} was expected{}",
-        suspect.map_or(String::new(), |sv| format!("; most at odds is {sv}"))
+        "the {satellites} satellites contradict each other: weighted square residuals {cost:.3e}, at most {threshold:.1} was expected{}{}",
+        suspect.map_or(String::new(), |sv| format!("; most at odds is {sv}")),
+        alternatives(places)
     )]
     Inconsistent {
         /// Satellites used.
@@ -133,6 +134,8 @@ pub enum PositioningError {
         threshold: f64,
         /// Satellite with the largest weighted residual.
         suspect: Option<Sv>,
+        /// Places of smaller sets that nothing checks, with the satellites that they leave out.
+        places: Vec<(Vector3<f64>, Vec<Sv>)>,
     },
     /// Sets of satellites agree on different places, and nothing tells which set is faulty.
     #[error(
@@ -223,6 +226,14 @@ fn place((position_m, faulty): &(Vector3<f64>, Vec<Sv>)) -> String {
     let (latitude, longitude) = (p.latitude.to_degrees(), p.longitude.to_degrees());
     let faulty: Vec<String> = faulty.iter().map(ToString::to_string).collect();
     format!("{latitude:.5} deg, {longitude:.5} deg, {:.0} m without {}", p.height, faulty.join(" "))
+}
+
+fn alternatives(places: &[(Vector3<f64>, Vec<Sv>)]) -> String {
+    let all: Vec<String> = places.iter().map(place).collect();
+    match all.is_empty() {
+        true => String::new(),
+        false => format!("; possible places, none of them checked: {}", all.join("; ")),
+    }
 }
 
 fn left_out(seconds: f64) -> String {

@@ -142,6 +142,7 @@ impl Adjusted<'_> {
             satellites: self.used.len(),
             cost: self.cost,
             threshold: chi_square_limit(self.redundancy.max(1)),
+            places: Vec::new(),
             suspect: worst.map(|row| self.used[row.satellite].observation.sv()),
         }
     }

@@ -89,8 +89,11 @@ pub fn candidates<'a>(
     let above = above_mask(&adjustment, &sightings, start);
     let mut hypotheses = Hypotheses::new(adjustment, above, start);
     // A fault may have led to a place from where the wrong satellites seem below the mask.
-    if hypotheses.set.len() < sightings.len() && !hypotheses.agree() {
-        hypotheses = Hypotheses::new(adjustment, sightings.clone(), start);
+    if hypotheses.set.len() < sightings.len() && !hypotheses.explain() {
+        let all = Hypotheses::new(adjustment, sightings.clone(), start);
+        if all.explain() {
+            hypotheses = all;
+        }
     }
     Ok(Candidates { epoch, adjustment, sightings, dropped, cold_start, hypotheses })
 }
@@ -240,9 +243,18 @@ impl<'a> Candidates<'a> {
 
     /// What is wrong with all satellites together.
     fn contradiction(&self) -> PositioningError {
+        /// Places that are named.
+        const NAMED: usize = 4;
         let (set, start) = (self.hypotheses.set.clone(), self.cold_start.state.clone());
         match self.adjustment.solve(set, start, self.cold_start.iterations) {
-            Ok(point) if point.contradiction() > 1.0 => point.inconsistent(),
+            Ok(point) if point.contradiction() > 1.0 => {
+                let mut error = point.inconsistent();
+                if let PositioningError::Inconsistent { places, .. } = &mut error {
+                    let named = self.hypotheses.unchecked().take(NAMED);
+                    places.extend(named.map(|h| (h.point.x, self.names(h))));
+                }
+                error
+            }
             Ok(point) => PositioningError::ImplausibleRadius { radius_m: point.state.x.norm() },
             Err(error) => error,
         }

@@ -188,9 +188,9 @@ impl<'a> Hypotheses<'a> {
         self.list.first().filter(|h| h.faulty == 0)
     }
 
-    /// Whether all satellites pass the test together.
-    pub fn agree(&self) -> bool {
-        self.faultless().is_some_and(|all| all.passes(1.0))
+    /// Whether a hypothesis explains the observations.
+    pub fn explain(&self) -> bool {
+        self.best(1.0).is_some()
     }
 
     fn solve_all(&mut self, faults: u32) {
@@ -290,6 +290,13 @@ impl<'a> Hypotheses<'a> {
 
     fn alive(&self, factor: f64) -> impl Iterator<Item = &Hypothesis> {
         self.list.iter().filter(move |h| h.passes(factor) && self.possible(h, factor))
+    }
+
+    /// Those of fewest faults that are possible, but that nothing checks.
+    pub fn unchecked(&self) -> impl Iterator<Item = &Hypothesis> {
+        let possible = |h: &&Hypothesis| h.redundancy == 0 && self.possible(h, 1.0);
+        let fewest = self.list.iter().filter(possible).map(Hypothesis::faults).min();
+        self.list.iter().filter(possible).filter(move |h| Some(h.faults()) == fewest)
     }
 
     /// The alive one of fewest faults, then smallest cost, that something checks, or nothing contradicts.

@@ -31,7 +31,7 @@ pub enum SbasContent {
     /// Types 2 to 5: satellites 1 to 13, 14 to 26, 27 to 39, 40 to 51 of the mask.
     FastCorrections(FastCorrections),
     /// Type 6.
-    Integrity(Integrity),
+    Integrity(IntegrityInformation),
     /// Type 7.
     FastDegradation(FastDegradation),
     /// Type 9.
@@ -95,7 +95,7 @@ pub struct FastCorrections {
 
 /// Type 6: integrity of all satellites of the mask.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Integrity {
+pub struct IntegrityInformation {
     /// Issues of the fast corrections (types 2 to 5) that the UDREI belong to; 3 means any.
     pub iodf: [u8; 4],
     /// UDREI of satellites 1 to 51 of the mask.
@@ -414,7 +414,7 @@ impl Fields for FastCorrections {
     }
 }
 
-impl Fields for Integrity {
+impl Fields for IntegrityInformation {
     fn walk(&mut self, w: &mut Walk) {
         self.iodf.iter_mut().for_each(|iodf| w.count("iodf", iodf, 2));
         w.list("udrei", &mut self.udrei, 51, 4);
