@@ -5,6 +5,7 @@ use crate::scene::{EPOCHS, Scene, TRUTH_M};
 use sdr_rx::gnss::NavigationData;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::position::Integrity;
 use sdr_rx::report::{self, OutputDir, write_all};
 
 /// Our 13 digits carry every file's 12 or 13, so ephemerides come back to the last bit. Klobuchar
@@ -102,6 +103,31 @@ fn nmea_sentences_are_well_formed() -> Tested {
     // 2 m/s to the north, in knots of 1852 m/h.
     assert!(text.contains(",3.888,0.00,010122,,,A*"), "{text}");
     assert_eq!(text.matches("$GPRMC").count(), EPOCHS);
+    Ok(())
+}
+
+/// NMEA 0183 4.11: RMC status V is a warning, mode E an estimate, as is GGA's quality 6. GST's ellipse of equal
+/// variances is a circle; its fields are standard deviations of 1 m.
+#[test]
+fn a_position_that_is_not_proved_is_marked_in_every_sentence_that_can() -> Tested {
+    let Some(data) = data() else { return Ok(()) };
+    let mut scene = Scene::new(data)?;
+    let proved = report::nmea(&scene.run());
+    scene.fixes.iter_mut().for_each(|fix| fix.integrity = Integrity::Unverified);
+    let text = report::nmea(&scene.run());
+    let fields = |text: &str, name: &str| -> Vec<String> {
+        let line = text.lines().find(|l| l.starts_with(name)).unwrap_or_default();
+        line.split([',', '*']).map(str::to_owned).collect()
+    };
+    for (text, status, mode, quality) in [(&proved, "A", "A", "1"), (&text, "V", "E", "6")] {
+        let (rmc, gga) = (fields(text, "$GPRMC"), fields(text, "$GPGGA"));
+        assert_eq!((&*rmc[2], &*rmc[12], &*gga[6]), (status, mode, quality));
+        let gst = fields(text, "$GPGST");
+        assert_eq!(gst[2], "0.50", "rms of the residuals");
+        assert_eq!([&*gst[3], &*gst[4], &*gst[6], &*gst[7], &*gst[8]], ["1.00"; 5]);
+    }
+    let table = report::fix_table(&scene.run());
+    assert!(table.starts_with("no verified fix: "), "{table}");
     Ok(())
 }
 

@@ -317,6 +317,34 @@ fn what_is_proved_is_right_whatever_the_faults() -> Result<(), Failed> {
     Ok(())
 }
 
+/// Six satellites and fewer, one of which is 1 km off: it is named by the file.
+#[test]
+fn files_with_one_fault_are_right_or_refused() -> Result<(), Failed> {
+    let Some(data) = data() else { return Ok(()) };
+    let nav = rinex_nav::read(data.join("obs/matrtklib-static/base.nav"))?;
+    let mut files = 0;
+    for entry in std::fs::read_dir(data.join("cases/wrong-exclusion"))? {
+        let reader = rinex_obs::open(&entry?.path())?;
+        let truth_m = reader.header().approximate_position_m.ok_or("no position")?;
+        for epoch in reader {
+            let epoch = epoch?;
+            files += 1;
+            let options = PositioningOptions::default();
+            match candidates(&epoch, &nav, &options, &mut |_| ())?.judge(1.0) {
+                Ok(fix) if fix.integrity.is_proved() => {
+                    assert!((fix.position_m - truth_m).norm() < 25.0, "{fix:?}");
+                }
+                Ok(fix) => assert_eq!(fix.residuals.len(), 4),
+                Err(error) => {
+                    let names_places = error.to_string().contains("deg");
+                    assert!(names_places, "{error}");
+                }
+            }
+        }
+    }
+    if files == 0 { Err("no file".into()) } else { Ok(()) }
+}
+
 /// A receiver whose signals have gone goes on with noise: code phases that walk away, Dopplers about zero.
 #[test]
 fn what_is_tracked_when_the_signal_has_gone_is_not_proved() -> Result<(), Failed> {
