@@ -5,8 +5,8 @@ use num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Log-likelihood ratio of the best symbol edge to the second best from which it is accepted: a ratio of
-/// 1000.
-const MIN_EDGE_LOG_RATIO: f64 = 6.9;
+/// 10 000.
+const MIN_EDGE_LOG_RATIO: f64 = 9.2;
 
 /// The carrier of a run of prompts, relative to the replica's.
 #[derive(Clone, Debug)]
@@ -57,7 +57,6 @@ pub fn estimate_carrier(
         .map(|k| Search::new(prompts, timing, span.frequency_hz, k as f64 * step, short))
         .max_by(|a, b| a.score.total_cmp(&b.score))?;
     let Search { run, edge, edges, mut frequency, mut rate, .. } = best;
-    let score = |frequency: f64, edge: usize| score(&run, timing, frequency, edge, short);
 
     if !short {
         let symbols = symbol_sums(&run, timing, frequency, edge);
@@ -81,27 +80,68 @@ pub fn estimate_carrier(
     }
 
     let run = without_rate(prompts, period_s, rate);
-    let symbols = symbol_sums(&run, timing, frequency, edge);
-    let (signs, phase) = if short {
-        let (signs, sum) = best_signs(&symbols);
-        (signs, sum.arg())
-    } else {
-        let phase = squared_sum(&symbols, timing, edge, count, 0.0, 0.0).arg() / 2.0;
-        let axis = Complex64::cis(-phase);
-        (symbols.iter().map(|b| (b * axis).re.signum()).collect(), phase)
+    let symbols_of = |edge: usize| symbol_sums(&run, timing, frequency, edge);
+    let phase_of = |symbols: &[Complex64], edge: usize| {
+        squared_sum(symbols, timing, edge, count, 0.0, 0.0).arg() / 2.0
     };
-    let wipe_off: Vec<Complex64> = (0..count)
-        .map(|k| {
+    let wipe_off = |edge: usize, signs: &[f64]| -> Vec<Complex64> {
+        let factor = |k: usize| {
             let t = from_the_middle(k, count, period_s);
-            Complex64::cis(-TAU * (frequency + 0.5 * rate * t) * t)
-                * signs[symbol_of(k, edge, cycle)]
+            let carrier = Complex64::cis(-TAU * (frequency + 0.5 * rate * t) * t);
+            carrier * signs[symbol_of(k, edge, cycle)]
+        };
+        (0..count).map(factor).collect()
+    };
+    let symbols = symbols_of(edge);
+    if short {
+        let (signs, sum) = best_signs(&symbols);
+        let wipe_off = wipe_off(edge, &signs);
+        let (frequency_hz, rate_hz_s, phase) = (frequency, rate, sum.arg());
+        return Some(CarrierEstimate {
+            frequency_hz,
+            rate_hz_s,
+            phase,
+            symbol_edge: None,
+            wipe_off,
+        });
+    }
+    let signs = |symbols: &[Complex64], phase: f64| -> Vec<f64> {
+        let axis = Complex64::cis(-phase);
+        symbols.iter().map(|b| (b * axis).re.signum()).collect()
+    };
+    let phase = phase_of(&symbols, edge);
+    let (signal, noise) = signal_and_noise(prompts, &wipe_off(edge, &signs(&symbols, phase)));
+    // Every edge with the carrier's phase that suits it best.
+    let likelihoods: Vec<f64> = (0..edges)
+        .map(|edge| {
+            let symbols = symbols_of(edge);
+            let axis = Complex64::cis(-phase_of(&symbols, edge));
+            let certainty = |b: &Complex64| log_cosh(2.0 * signal * (b * axis).re / noise);
+            symbols.iter().map(certainty).sum()
         })
         .collect();
-    let noise = residual_noise(prompts, &wipe_off);
-    let second = (0..edges).filter(|&e| e != edge).map(|e| score(frequency, e)).fold(0.0, f64::max);
-    let log_ratio = (score(frequency, edge) - second) / (cycle as f64 * noise);
-    let symbol_edge = (!short && log_ratio > MIN_EDGE_LOG_RATIO).then_some(edge);
-    Some(CarrierEstimate { frequency_hz: frequency, rate_hz_s: rate, phase, symbol_edge, wipe_off })
+    let best = |but: Option<usize>| {
+        let others = (0..edges).filter(|&e| Some(e) != but);
+        others.max_by(|&a, &b| likelihoods[a].total_cmp(&likelihoods[b]))
+    };
+    let edge = best(None)?;
+    let ratio = best(Some(edge)).map_or(f64::INFINITY, |e| likelihoods[edge] - likelihoods[e]);
+    let symbols = symbols_of(edge);
+    let phase = phase_of(&symbols, edge);
+    Some(CarrierEstimate {
+        frequency_hz: frequency,
+        rate_hz_s: rate,
+        phase,
+        symbol_edge: (ratio > MIN_EDGE_LOG_RATIO).then_some(edge),
+        wipe_off: wipe_off(edge, &signs(&symbols, phase)),
+    })
+}
+
+/// `ln cosh x`: the log-likelihood of a symbol of either sign with equal probability, where `x` is twice its
+/// in-phase sum times the amplitude over the noise power of a prompt. Without a transition at it, an edge is worth
+/// no more than any other.
+pub fn log_cosh(x: f64) -> f64 {
+    x.abs() + (-2.0 * x.abs()).exp().ln_1p() - std::f64::consts::LN_2
 }
 
 /// Search of frequency and symbol edge under one rate.
@@ -241,12 +281,12 @@ fn squared_sum(
     symbols.iter().enumerate().map(turned).sum()
 }
 
-/// Noise power of one prompt after the signal is subtracted.
-fn residual_noise(prompts: &[Complex64], wipe_off: &[Complex64]) -> f64 {
+/// Amplitude of the signal in a prompt, and noise power of one after the signal is subtracted.
+fn signal_and_noise(prompts: &[Complex64], wipe_off: &[Complex64]) -> (f64, f64) {
     let count = prompts.len() as f64;
     let mean = prompts.iter().zip(wipe_off).map(|(p, w)| p * w).sum::<Complex64>() / count;
     let residual: f64 = prompts.iter().zip(wipe_off).map(|(p, w)| (p * w - mean).norm_sqr()).sum();
-    (residual / (count - 1.0)).max(f64::MIN_POSITIVE)
+    (mean.norm(), (residual / (count - 1.0)).max(f64::MIN_POSITIVE))
 }
 
 /// Refines the maximum next to the best point of a grid of spacing `step` (golden section, to a thousandth of
@@ -269,6 +309,35 @@ mod tests {
     use rand_distr::StandardNormal;
 
     const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
+
+    /// 0.2 s without a transition say nothing of the symbol edge; one transition, by 1 ms of 45 dB-Hz, has a likelihood
+    /// ratio of e^(4 snr) = e^126 against its neighbours.
+    #[test]
+    fn an_edge_is_believed_by_transitions_alone() {
+        let snr = 10f64.powf(4.5) * TIMING.period_s;
+        for seed in 0..200u64 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let turn = rng.random_range(0..400);
+            let (f, edge) = (rng.random_range(-20.0..20.0), turn % TIMING.cycle);
+            let prompts: Vec<Complex64> = (0..200)
+                .map(|k| {
+                    let sign = if k < turn { 1.0 } else { -1.0 };
+                    let t = from_the_middle(k, 200, TIMING.period_s);
+                    let noise =
+                        Complex64::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
+                    Complex64::cis(TAU * f * t) * sign + noise * (0.5 / snr).sqrt()
+                })
+                .collect();
+            let span = CarrierSpan { frequency_hz: 30.0, rate_hz_s: 0.0 };
+            let found = estimate_carrier(&prompts, TIMING, span).unwrap().symbol_edge;
+            match turn {
+                // Near an end of the run half a symbol of noise may speak for either side.
+                20..180 => assert_eq!(found, Some(edge), "seed {seed}"),
+                200.. => assert_eq!(found, None, "seed {seed}"),
+                _ => assert!(found.is_none_or(|e| e == edge), "seed {seed}"),
+            }
+        }
+    }
 
     /// A run of 200 prompts at 45 dB-Hz under data symbols, with any frequency within 40 Hz and any rate
     /// within 600 Hz/s: both are found to their Cramer-Rao bounds (Kay, Estimation Theory, 3.11, for a

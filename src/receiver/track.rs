@@ -45,6 +45,8 @@ pub(super) struct Track {
     pub(super) log: TrackLog,
     epochs: Vec<Epoch>,
     symbols: Vec<Symbol>,
+    /// Symbol edge of the symbols decoded so far.
+    edge: Option<u64>,
     /// State of lock when last asked.
     reported: LockState,
 }
@@ -67,6 +69,7 @@ impl Track {
             log: TrackLog::new(transmission),
             epochs: Vec::new(),
             symbols: Vec::new(),
+            edge: None,
             reported: LockState::PullingIn,
         }
     }
@@ -147,6 +150,15 @@ impl Track {
         let mut news = Vec::new();
         for symbol in self.symbols.drain(..) {
             let edge = symbol.first_period % cycle;
+            if let Some(before) = self.edge.replace(edge).filter(|&before| before != edge) {
+                // What the old edge dated is taken back: its symbols were those of the nearest new edge.
+                let half = cycle as i64 / 2;
+                let moved = (edge as i64 - before as i64 + half).rem_euclid(cycle as i64) - half;
+                self.log.move_anchors(moved);
+                if let Some(fresh) = self.log.transmission.decoder() {
+                    *decoder = fresh;
+                }
+            }
             let Some(page) = decoder.push(symbol.value, symbol.first_period / cycle) else {
                 continue;
             };

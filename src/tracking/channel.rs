@@ -251,7 +251,7 @@ impl Channel {
         let positions = [0, 1].map(|k| self.symbols.position(self.period + k));
         let coherent = self.coherent_periods() as u64;
         let false_lock = self.lock.push(sums[1], positions[0]);
-        self.symbols.push(self.period, sums[1], symbols);
+        self.symbols.push(self.period, sums[1], self.lock.powers(), symbols);
         self.period += 1;
         for (sum, new) in self.interval.taps.iter_mut().zip(sums) {
             *sum += new;

@@ -34,6 +34,15 @@ pub enum LockState {
     Lost,
 }
 
+/// Powers in a prompt.
+#[derive(Clone, Copy, Debug)]
+pub struct PromptPowers {
+    /// Of the signal.
+    pub signal: f64,
+    /// Of the noise.
+    pub noise: f64,
+}
+
 /// Running correlation of neighbouring prompts.
 #[derive(Clone, Debug)]
 pub struct LockDetector {
@@ -123,6 +132,12 @@ impl LockDetector {
     /// C/N0 over the last second, dB-Hz; None before the first 0.2 s.
     pub fn cn0_dbhz(&self) -> Option<f64> {
         (self.blocks > 0).then(|| self.dbhz(self.signal, self.noise))
+    }
+
+    /// Powers in a prompt, averaged over a second, once known.
+    pub fn powers(&self) -> Option<PromptPowers> {
+        let (signal, noise) = (self.signal, self.noise);
+        (self.blocks > 0).then_some(PromptPowers { signal, noise })
     }
 
     fn dbhz(&self, signal: f64, noise: f64) -> f64 {

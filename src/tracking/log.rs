@@ -95,6 +95,13 @@ impl TrackLog {
         }
     }
 
+    /// Moves what is dated by so many code periods, where symbols turn out to start that much later.
+    pub fn move_anchors(&mut self, periods: i64) {
+        for (period, _) in &mut self.anchors {
+            *period = period.saturating_add_signed(periods);
+        }
+    }
+
     /// Whether any period's time of transmission is known.
     pub fn is_dated(&self) -> bool {
         !self.anchors.is_empty()
