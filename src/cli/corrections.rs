@@ -1,5 +1,6 @@
 //! The options of the position, common to `process` and `solve`.
 
+use super::input::si_number;
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::gnss::atmosphere::Troposphere;
@@ -20,6 +21,25 @@ pub struct Corrections {
         help_heading = "Position"
     )]
     mask: f64,
+    /// Heights above this are believed only where redundant satellites agree, m: 20k is above aircraft; rockets and
+    /// low orbits need more, such as 1500k
+    #[arg(
+        long,
+        value_name = "M",
+        default_value = "20k",
+        value_parser = si_number,
+        help_heading = "Position"
+    )]
+    max_height: f64,
+    /// Largest speed of the receiver of a snapshot, m/s
+    #[arg(
+        long,
+        value_name = "M/S",
+        default_value = "100",
+        value_parser = si_number,
+        help_heading = "Position"
+    )]
+    user_speed: f64,
 }
 
 /// `--troposphere`.
@@ -38,7 +58,14 @@ impl Corrections {
             (-90.0..90.0).contains(&self.mask),
             "--mask must be an elevation between -90 and 90 deg"
         );
+        ensure!(self.max_height > 0.0, "--max-height must be positive, such as 500k");
+        ensure!(
+            (0.0..=20e3).contains(&self.user_speed),
+            "--user-speed must be 0 to 20k m/s: satellites of low orbits have 8k"
+        );
         Ok(PositioningOptions {
+            max_height_m: self.max_height,
+            user_speed_mps: self.user_speed,
             troposphere: match self.troposphere {
                 TroposphereArg::None => Troposphere::None,
                 TroposphereArg::Saastamoinen => Troposphere::Saastamoinen,

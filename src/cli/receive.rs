@@ -10,6 +10,7 @@ use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::navigation_data::UtcParameters;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::position::PositioningOptions;
@@ -243,6 +244,7 @@ impl Solve {
         for path in &self.nav {
             options.navigation.merge(rinex_nav::read(path)?);
         }
+        options.navigation.utc.iter().for_each(UtcParameters::announce);
         options.interval_s = self.interval;
         options.tracking.coherent_ms = self.coherent_ms;
         options.tracking.pll_hz = self.pll_bw;

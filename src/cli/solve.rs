@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_obs::{self, ObservationHeader};
 use sdr_rx::gnss::format::{rinex_nav, sp3};
+use sdr_rx::gnss::navigation_data::UtcParameters;
 use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::gnss::{GpsTime, NavigationData};
 use sdr_rx::position::solver::point_solution::{Iteration, trace_csv};
@@ -216,6 +217,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         .context("starting threads")?;
     let options = args.options()?;
     let navigation = args.navigation()?;
+    navigation.utc.iter().for_each(UtcParameters::announce);
     let (header, solved) = solve(args, &navigation, &options)?;
     let reason = match solved.refused.first() {
         _ if !solved.fixes.is_empty() => None,

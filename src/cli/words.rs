@@ -46,6 +46,7 @@ pub fn notice(notice: &Notice) -> String {
         Notice::Mirrored => {
             format!("{notice}; read it with --conjugate (or without, if it was given)")
         }
+        Notice::AssumedWeek(_) => format!("{notice}; --time, or --nav of that day, would"),
         _ => notice.to_string(),
     }
 }
@@ -58,11 +59,16 @@ pub fn reason(reason: &NoFix) -> String {
         ),
         NoFix::NotDated { .. } => format!("{reason}, or --nav FILE with 6 s"),
         NoFix::Solution(PositioningError::Unexplained { .. }) => {
-            format!("{reason}; a larger --time-uncertainty, such as 5h, searches further")
+            format!(
+                "{reason}; a larger --time-uncertainty, such as 5h, searches further; --user-speed or --max-height allow for a faster or higher receiver"
+            )
         }
         NoFix::Solution(PositioningError::TimeNotFound { .. }) => format!(
             "{reason}; --time narrows the search, --troposphere none suits signals simulated without one"
         ),
+        NoFix::Solution(PositioningError::ImplausibleRadius { .. }) => {
+            format!("{reason}; --max-height believes it")
+        }
         _ => reason.to_string(),
     }
 }

@@ -3,9 +3,9 @@
 use crate::acquisition::{MissingSamples, Refined};
 use crate::array::{Bearing, Jammer, SkyEpoch};
 use crate::capture::Note;
-use crate::gnss::Sv;
 use crate::gnss::message::Update;
 use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::{GpsTime, Sv};
 use crate::position::{Fix, PositioningError};
 use crate::tracking::LockState;
 use std::fmt;
@@ -81,6 +81,8 @@ pub enum Notice {
         /// The jump, s.
         jump_s: f64,
     },
+    /// The week is the latest that is not later than the program: the signals tell it modulo 1024 weeks.
+    AssumedWeek(GpsTime),
     /// Directions cannot be determined.
     NoDirections(String),
     /// Jammers were removed, from this time on.
@@ -129,6 +131,14 @@ impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Source(note) => note.fmt(f),
+            Self::AssumedWeek(time) => {
+                let date = time.utc_iso();
+                let date = date.split('T').next().unwrap_or_default();
+                write!(
+                    f,
+                    "the date is {date}, or 1024 weeks earlier or later: the signals do not tell which"
+                )
+            }
             Self::NoDirections(text) => f.write_str(text),
             Self::Mirrored => {
                 f.write_str("the spectrum is mirrored: code drifts and Dopplers disagree in sign")

@@ -16,6 +16,7 @@ use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::message::{NavigationCollector, Update};
+use crate::gnss::navigation_data::UtcParameters;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{NavigationData, Sv, Transmission};
 use crate::position::{Sequence, candidates};
@@ -66,6 +67,8 @@ pub(super) struct Tracker {
     sequence: Sequence,
     next_retry_s: f64,
     next_search_s: f64,
+    /// Whether nothing tells the week but the signals, modulo 1024.
+    assumed_week: bool,
 }
 
 impl Tracker {
@@ -100,6 +103,7 @@ impl Tracker {
             ready: BTreeMap::new(),
             jumps: Vec::new(),
             sequence: Sequence::default(),
+            assumed_week: week.is_none(),
             next_retry_s: RETRY_S,
             next_search_s: SEARCH_AGAIN_S,
         }
@@ -166,6 +170,9 @@ impl Tracker {
         for track in &mut self.tracks {
             let sv = track.sv();
             for update in track.decode(&mut self.collector) {
+                if update == Update::IonosphereUtc {
+                    self.collector.data().utc.iter().for_each(UtcParameters::announce);
+                }
                 news |= matches!(update, Update::Ephemeris(_) | Update::IonosphereUtc);
                 emit(Event::Message { sv, sample, update });
             }
@@ -347,6 +354,9 @@ impl Tracker {
     pub(super) fn finish(self, emit: &mut Emit) -> Tracks {
         if let Some(jump) = self.jump() {
             emit(Event::Notice(jump));
+        }
+        if let (true, Some(first)) = (self.assumed_week, self.collector.data().iter().next()) {
+            emit(Event::Notice(Notice::AssumedWeek(first.toe)));
         }
         let samples = self.samples();
         let mut logs = self.ended;

@@ -68,11 +68,15 @@ pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBu
         let summary = Summary::new(run.fixes, run.input.rate_hz());
         let of = match &summary {
             None => "no position was found".to_owned(),
-            Some(s) if s.proved => format!("approximate position: median of {} fixes", s.fixes),
-            Some(s) => format!("approximate position: {} UNVERIFIED positions", s.fixes),
+            Some(s) => format!(
+                "approximate position: {} of {} {}",
+                if s.moving { "last" } else { "median" },
+                s.fixes,
+                if s.proved { "fixes" } else { "UNVERIFIED positions" }
+            ),
         };
-        let median_m = summary.map(|s| s.median_m).unwrap_or_default();
-        let text = rinex_obs::write(run.epochs, median_m, &of);
+        let place_m = summary.map(|s| s.place_m).unwrap_or_default();
+        let text = rinex_obs::write(run.epochs, place_m, &of);
         paths.push(folder.write(&name, text)?);
     }
     if !run.navigation.is_empty() {

@@ -1,11 +1,12 @@
 //! The fixes as KML 2.2 for a globe viewer.
 
+use super::track::lines;
 use super::{Run, Summary};
 use crate::gnss::coordinates::Geodetic;
 use nalgebra::Vector3;
 use std::fmt::Write;
 
-/// The median and the track. Coordinates are longitude, latitude and height above the WGS 84 ellipsoid;
+/// The place (median at rest, last fix of a moving receiver) and the track, cut at 180 degrees of longitude. Coordinates are longitude, latitude and height above the WGS 84 ellipsoid;
 /// as KML's own heights are above the geoid, the track is clamped to the ground.
 pub fn kml(run: &Run) -> String {
     let mut text = String::from(
@@ -17,18 +18,23 @@ pub fn kml(run: &Run) -> String {
     if let Some(summary) = Summary::new(run.fixes, run.input.rate_hz()) {
         let _ = writeln!(
             text,
-            "<Placemark><name>median of {} {}</name><Point><coordinates>{}</coordinates></Point></Placemark>",
+            "<Placemark><name>{} of {} {}</name><Point><coordinates>{}</coordinates></Point></Placemark>",
+            if summary.moving { "last" } else { "median" },
             summary.fixes,
             if summary.proved { "fixes" } else { "unverified positions" },
-            coordinates(&summary.median_m)
+            coordinates(&summary.place_m)
         );
     }
     if run.fixes.len() > 1 {
-        text += "<Placemark><name>track</name><LineString><altitudeMode>clampToGround</altitudeMode><coordinates>\n";
-        for fix in run.fixes {
-            let _ = writeln!(text, "{}", coordinates(&fix.position_m));
+        text += "<Placemark><name>track</name><MultiGeometry>\n";
+        for line in lines(run.fixes) {
+            text += "<LineString><altitudeMode>clampToGround</altitudeMode><coordinates>\n";
+            for [longitude, latitude, height] in line {
+                let _ = writeln!(text, "{longitude:.9},{latitude:.9},{height:.4}");
+            }
+            text += "</coordinates></LineString>\n";
         }
-        text += "</coordinates></LineString></Placemark>\n";
+        text += "</MultiGeometry></Placemark>\n";
     }
     text + "</Document>\n</kml>\n"
 }

@@ -19,6 +19,7 @@ mod nmea;
 mod summary;
 mod svg;
 mod table;
+mod track;
 
 pub use accuracy::{Accuracy, Reference};
 pub use array_sky::array_sky_table;

@@ -41,6 +41,11 @@ pub fn counted(fixes: &[Fix]) -> Vec<&Fix> {
     if proved.is_empty() { fixes.iter().collect() } else { proved }
 }
 
+/// Speed above which a receiver is taken to move, m/s: five standard deviations of a velocity at 30 dB-Hz.
+const MOVING_MPS: f64 = 0.5;
+/// Spread, in standard deviations of a fix, that only motion explains.
+const MOVING_SIGMAS: f64 = 10.0;
+
 /// Statistics of the fixes of a run that count ([`counted`]) around their median.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
@@ -50,6 +55,11 @@ pub struct Summary {
     pub proved: bool,
     /// First fix, s after the first sample.
     pub first_fix_s: f64,
+    /// Whether the receiver moves: by its median speed, or without velocities by what the standard deviations do not
+    /// explain of the spread.
+    pub moving: bool,
+    /// What stands for all fixes, m, ECEF: their median, or the last of a moving receiver.
+    pub place_m: Vector3<f64>,
     /// Median of each coordinate, m, ECEF.
     pub median_m: Vector3<f64>,
     /// East, north and up of each fix from the median, m.
@@ -80,7 +90,15 @@ impl Summary {
         let horizontal = |q| quantile(offsets_m.iter().map(|o| o.xy().norm()).collect(), q);
         let vertical = |q| quantile(offsets_m.iter().map(|o| o.z.abs()).collect(), q);
         let speeds = fixes.iter().filter_map(|f| f.velocity_mps).map(|v| v.norm()).collect();
+        let speed_mps = quantile(speeds, 0.5);
+        let sigmas = fixes.iter().map(|f| f.covariance.trace().max(0.0).sqrt()).collect();
+        let moving = match speed_mps {
+            Some(speed_mps) => speed_mps > MOVING_MPS,
+            None => horizontal(0.95)? > MOVING_SIGMAS * quantile(sigmas, 0.5)?,
+        };
         Some(Self {
+            moving,
+            place_m: if moving { fixes.last()?.position_m } else { median_m },
             fixes: fixes.len(),
             proved: first.integrity.is_proved(),
             first_fix_s: first.sample / rate_hz,
@@ -89,7 +107,7 @@ impl Summary {
             horizontal_95_m: horizontal(0.95)?,
             vertical_50_m: vertical(0.5)?,
             vertical_95_m: vertical(0.95)?,
-            speed_mps: quantile(speeds, 0.5),
+            speed_mps,
             pdop: quantile(fixes.iter().map(|f| f.pdop).collect(), 0.5)?,
             offsets_m,
         })

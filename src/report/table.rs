@@ -59,7 +59,7 @@ pub fn fix_table(run: &Run) -> String {
     let (Some(s), Some(last)) = (Summary::new(run.fixes, run.input.rate_hz()), fixes.last()) else {
         return format!("no fix: {}\n", run.reason.unwrap_or("no reason is known"));
     };
-    let position = Geodetic::from_ecef(&s.median_m);
+    let position = Geodetic::from_ecef(&s.place_m);
     let mut text = match s.proved {
         true => String::new(),
         false => format!("no verified fix: {}\n", why_unverified(last)),
@@ -88,13 +88,14 @@ pub fn fix_table(run: &Run) -> String {
     line(
         "position",
         format!(
-            "{:.7} deg, {:.7} deg, {:.2} m above WGS 84 (latitude, longitude, height; median)",
+            "{:.7} deg, {:.7} deg, {:.2} m above WGS 84 (latitude, longitude, height; {})",
             position.latitude.to_degrees(),
             position.longitude.to_degrees(),
-            position.height
+            position.height,
+            if s.moving { "last, the receiver moves" } else { "median" }
         ),
     );
-    let [x, y, z]: [f64; 3] = s.median_m.into();
+    let [x, y, z]: [f64; 3] = s.place_m.into();
     line("ECEF", format!("{x:.2} {y:.2} {z:.2} m"));
     let sigma = |axis: usize| last.covariance[(axis, axis)].max(0.0).sqrt();
     line(
@@ -110,7 +111,16 @@ pub fn fix_table(run: &Run) -> String {
             ),
         );
     }
-    if s.fixes > 1 {
+    if s.moving {
+        let axis = |k: usize| {
+            let values = || s.offsets_m.iter().map(move |offset| offset[k]);
+            values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
+        };
+        line(
+            "track",
+            format!("over {:.0} m east, {:.0} m north, {:.0} m up", axis(0), axis(1), axis(2)),
+        );
+    } else if s.fixes > 1 {
         line(
             "spread",
             format!(

@@ -14,6 +14,11 @@ pub struct Klobuchar {
 }
 
 impl Klobuchar {
+    /// The model of coefficients as they were sent; zeros throughout are sent where none is known.
+    pub fn sent(alpha: [f64; 4], beta: [f64; 4]) -> Option<Self> {
+        (alpha != [0.0; 4] || beta != [0.0; 4]).then_some(Self { alpha, beta })
+    }
+
     /// Slant delay of the L1 code, m, for a receiver at `position` with the satellite at
     /// `azimuth`, `elevation` (rad), at GPS time `t` (IS-GPS-200N figure 20-4). The carrier is
     /// advanced by the same amount. Below the horizon the horizon's value is returned.
@@ -50,19 +55,25 @@ pub enum Troposphere {
 
 impl Troposphere {
     /// Slant delay, m, at `position` for an `elevation` in rad (Saastamoinen 1972, with the ICAO standard
-    /// atmosphere at the receiver's height and 70 % relative humidity). Zero below the horizon and
-    /// outside -100 m to 10 km of height, where the standard atmosphere does not hold.
+    /// atmosphere at the receiver's height and 70 % relative humidity). Zero below the horizon. It has no step in
+    /// height: above the tropopause the temperature stays as it is there, and below -1 km the delay.
     pub fn delay_m(self, position: Geodetic, elevation: f64) -> f64 {
-        if self == Self::None || elevation <= 0.0 || !(-100.0..1e4).contains(&position.height) {
+        /// Height of the tropopause, m, and scale height of the pressure above it (ICAO Doc 7488).
+        const TROPOPAUSE_M: f64 = 11e3;
+        const SCALE_M: f64 = 6341.6;
+        if self == Self::None || elevation <= 0.0 {
             return 0.0;
         }
-        let height = position.height.max(0.0);
-        let pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * height).powf(5.2568);
-        let temperature_k = 15.0 - 6.5e-3 * height + 273.16;
-        let vapour_hpa =
-            6.108 * 0.7 * ((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45)).exp();
+        let height = position.height.max(-1e3);
+        let below = height.min(TROPOPAUSE_M);
+        let thinner = (-(height - below) / SCALE_M).exp();
+        let pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * below).powf(5.2568) * thinner;
+        let temperature_k = 15.0 - 6.5e-3 * below + 273.16;
+        let saturation_hpa =
+            6.108 * ((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45)).exp();
+        let vapour_hpa = 0.7 * saturation_hpa * thinner;
         let z = std::f64::consts::FRAC_PI_2 - elevation;
-        let gravity = 1.0 - 0.00266 * (2.0 * position.latitude).cos() - 0.00028 * height / 1e3;
+        let gravity = 1.0 - 0.00266 * (2.0 * position.latitude).cos() - 0.00028 * below / 1e3;
         let dry = 0.0022768 * pressure_hpa / gravity / z.cos();
         let wet = 0.002277 * (1255.0 / temperature_k + 0.05) * vapour_hpa / z.cos();
         dry + wet
@@ -101,5 +112,30 @@ mod tests {
         let low = Troposphere::Saastamoinen.delay_m(position, 30f64.to_radians());
         assert!((low / delay - 2.0).abs() < 1e-9);
         assert_eq!(Troposphere::None.delay_m(position, 1.0), 0.0);
+    }
+
+    /// Pressures of ICAO Doc 7488 in hPa, 2.2768 mm of dry delay each (latitude 45 degrees), and nowhere a step.
+    #[test]
+    fn the_troposphere_thins_out_without_a_step() {
+        let zenith = |height| {
+            let position = Geodetic::from_degrees(45.0, 0.0, height);
+            Troposphere::Saastamoinen.delay_m(position, std::f64::consts::FRAC_PI_2)
+        };
+        for (height, pressure_hpa) in [(5e3, 540.2), (11e3, 226.3), (15e3, 120.4), (20e3, 54.75)] {
+            let dry = 2.2768e-3 * pressure_hpa;
+            // Gravity changes by 0.3 %; water is below 2 % from 5 km on.
+            assert!(
+                (zenith(height) / dry - 1.0).abs() < 0.03,
+                "{height}: {} {dry}",
+                zenith(height)
+            );
+        }
+        let heights = || (-50..2000).map(|k| f64::from(k) * 20.0);
+        for height in heights() {
+            let step = zenith(height) - zenith(height + 1e-3);
+            // Half a kilometre of the scale height's slope at most: 2.6 m / 7 km, and the water's.
+            assert!((0.0..2e-6).contains(&step), "{height}: {step}");
+        }
+        assert!(zenith(4e5) < 1e-12 && zenith(-6.3e6).is_finite());
     }
 }

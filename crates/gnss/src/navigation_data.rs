@@ -4,7 +4,7 @@ use crate::atmosphere::Klobuchar;
 use crate::orbit::NoOrbit;
 use crate::orbit::precise::PreciseOrbit;
 use crate::{Ephemeris, GpsTime, Orbit, Sv};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Parameters that relate GPS time to UTC (IS-GPS-200N 20.3.3.5.1.6).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +25,16 @@ pub struct UtcParameters {
     pub day: u8,
 }
 
+impl UtcParameters {
+    /// Adds the leap second that they announce to the table by which times are written in UTC.
+    pub fn announce(&self) {
+        if self.delta_t_lsf == self.delta_t_ls + 1 {
+            let after = GpsTime::from_week_tow(self.wn_lsf, f64::from(self.day) * 86_400.0);
+            after.announce_leap_second(self.delta_t_lsf);
+        }
+    }
+}
+
 /// Navigation data for positions, from files or from the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationData {
@@ -36,16 +46,22 @@ pub struct NavigationData {
     pub ionosphere: Option<Klobuchar>,
     /// UTC parameters, if known.
     pub utc: Option<UtcParameters>,
+    /// Satellites whose newest hand-over word raises the alert flag.
+    pub alerts: BTreeSet<Sv>,
 }
 
+/// Ephemerides whose `t_oe` are nearer to each other than this, s, are of one time: an upload moves it by 16 s and
+/// more (IS-GPS-200N 20.3.4.5), and the newest of them counts.
+const SAME_TOE_S: f64 = 900.0;
+
 impl NavigationData {
-    /// Adds an ephemeris; one with the same issue and time as a known one changes nothing.
+    /// Adds an ephemeris; one with the same issue, time and health as a known one changes nothing.
     pub fn insert(&mut self, ephemeris: Ephemeris) {
         let list = self.ephemerides.entry(ephemeris.sv).or_default();
-        if list
-            .iter()
-            .any(|e| e.toe == ephemeris.toe && e.iode == ephemeris.iode && e.iodc == ephemeris.iodc)
-        {
+        if list.iter().any(|e| {
+            (e.toe, e.iode, e.iodc, e.health)
+                == (ephemeris.toe, ephemeris.iode, ephemeris.iodc, ephemeris.health)
+        }) {
             return;
         }
         let at = list.partition_point(|e| e.toe <= ephemeris.toe);
@@ -56,6 +72,7 @@ impl NavigationData {
     pub fn merge(&mut self, other: Self) {
         self.ionosphere = other.ionosphere.or(self.ionosphere);
         self.utc = other.utc.or(self.utc);
+        self.alerts.extend(other.alerts);
         other.ephemerides.into_values().flatten().for_each(|e| self.insert(e));
         other.precise.into_iter().for_each(|(sv, orbit)| self.insert_precise(sv, orbit));
     }
@@ -72,8 +89,14 @@ impl NavigationData {
     /// [`NoOrbit`]: why there is none.
     pub fn orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
         let (nearest, in_force) = (self.nearest(sv, t), self.ephemeris(sv, t));
-        if let Some(e) = in_force.filter(|e| !e.is_healthy()) {
-            return Err(NoOrbit::Unhealthy(e.health));
+        // An upload moves t_oe by some seconds, and may change the health alone.
+        let same_time =
+            |e: &Ephemeris| in_force.is_some_and(|f| (e.toe - f.toe).abs() < SAME_TOE_S);
+        match self.newest(sv, t, same_time) {
+            Some(e) if !e.is_healthy() => return Err(NoOrbit::Unhealthy(e.health)),
+            Some(e) if e.ura_index >= 15 => return Err(NoOrbit::NoAccuracy),
+            _ if self.alerts.contains(&sv) => return Err(NoOrbit::Alert),
+            _ => (),
         }
         let precise = self.precise.get(&sv).and_then(|p| p.arc(t, nearest.map(|e| e.tgd)));
         match (precise, in_force, nearest) {
@@ -89,10 +112,26 @@ impl NavigationData {
         self.nearest(sv, t).filter(|e| (t - e.toe).abs() <= e.half_fit_interval() + 60.0)
     }
 
-    /// The ephemeris of `sv` whose `t_oe` is nearest to `t`, however old.
+    /// The ephemeris of `sv` whose `t_oe` is nearest to `t`, however old; of several of one `t_oe` the newest that had
+    /// been sent by `t`.
     pub fn nearest(&self, sv: Sv, t: GpsTime) -> Option<&Ephemeris> {
         let distance = |e: &&Ephemeris| (t - e.toe).abs();
-        self.ephemerides.get(&sv)?.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        let nearest =
+            self.ephemerides.get(&sv)?.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        self.newest(sv, t, |e| e.toe == nearest.toe)
+    }
+
+    /// Of some ephemerides the last sent by `t`, else the first sent after it.
+    fn newest(&self, sv: Sv, t: GpsTime, of: impl Fn(&Ephemeris) -> bool) -> Option<&Ephemeris> {
+        // How long before `t` it was sent; those of after `t` come last, and those of no known time before them.
+        let age = |e: &Ephemeris| match e.transmission_time.map(|sent| t - sent) {
+            Some(age) if age >= 0.0 => age,
+            Some(age) => 1e9 - age,
+            None => 1e8,
+        };
+        // Of equal ages the later in the list.
+        let some = self.ephemerides.get(&sv)?.iter().rev().filter(|e| of(e));
+        some.min_by(|a, b| age(a).total_cmp(&age(b)))
     }
 
     /// All broadcast ephemerides, by satellite and then `t_oe`.

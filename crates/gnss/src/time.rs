@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::{Add, Sub};
 use std::str::FromStr;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: i64 = 604_800;
@@ -15,6 +16,10 @@ const LEAP_SECOND_DAYS: [i64; 18] = [
     4199, 4564, 4929, 5660, 6574, 7305, 7670, 8217, 8582, 8947, 9496, 10045, 10592, 13149, 14245,
     15522, 16617, 17167,
 ];
+
+/// GPS time, s, from whose next second on an announced leap second after those of the table counts; 0 while none is
+/// announced. What satellites announce is a fact of the world, as the table is.
+static ANNOUNCED_S: AtomicI64 = AtomicI64::new(0);
 
 /// An instant of GPS system time: whole seconds since 1980-01-06T00:00:00 and a fraction.
 ///
@@ -75,11 +80,26 @@ impl GpsTime {
         (self.seconds, self.fraction)
     }
 
-    /// GPS minus UTC at this instant, s (18 since 2017; the table ends there).
+    /// Leap seconds, as the GPS seconds that are 23:59:60.
+    fn inserted_s() -> impl Iterator<Item = i64> {
+        let table = LEAP_SECOND_DAYS.iter().enumerate();
+        let announced = Some(ANNOUNCED_S.load(Ordering::Relaxed)).filter(|&s| s > 0);
+        table.map(|(i, d)| (d - GPS_EPOCH_DAYS) * 86_400 + i as i64).chain(announced)
+    }
+
+    /// GPS minus UTC at this instant, s: 18 since 2017, where the table ends, or what satellites announced since.
     pub fn leap_seconds(self) -> i32 {
-        let is_past =
-            |(i, &d): (usize, &i64)| self.seconds > (d - GPS_EPOCH_DAYS) * 86_400 + i as i64;
-        LEAP_SECOND_DAYS.iter().enumerate().filter(|&e| is_past(e)).count() as i32
+        Self::inserted_s().filter(|&s| self.seconds > s).count() as i32
+    }
+
+    /// Announces that UTC loses a second at the end of the day that ends at this instant (in UTC), and is `seconds`
+    /// behind GPS time from then on. What the table knows, or does not lead to, is ignored.
+    pub(crate) fn announce_leap_second(self, seconds: i32) {
+        let known = LEAP_SECOND_DAYS.len() as i64;
+        let last = LEAP_SECOND_DAYS.last().map_or(0, |d| (d - GPS_EPOCH_DAYS) * 86_400);
+        if i64::from(seconds) == known + 1 && self.seconds > last {
+            ANNOUNCED_S.store(self.seconds + known, Ordering::Relaxed);
+        }
     }
 
     /// Calendar (year, month, day, hour, minute, second) in GPS time, as RINEX files print it.
@@ -89,10 +109,14 @@ impl GpsTime {
         (year, month, day, (s / 3600) as u32, (s / 60 % 60) as u32, (s % 60) as f64 + self.fraction)
     }
 
-    /// Calendar (year, month, day, hour, minute, second) in UTC. Inside a leap second the second
-    /// before it is printed again.
+    /// Calendar (year, month, day, hour, minute, second) in UTC. A leap second is second 60.
     pub fn utc_calendar(self) -> (i32, u32, u32, u32, u32, f64) {
-        (self - f64::from(self.leap_seconds())).calendar()
+        let leap = f64::from(self.leap_seconds());
+        if Self::inserted_s().any(|s| s == self.seconds) {
+            let (year, month, day, hour, minute, second) = (self - leap - 1.0).calendar();
+            return (year, month, day, hour, minute, second + 1.0);
+        }
+        (self - leap).calendar()
     }
 
     /// UTC in ISO 8601 with milliseconds, such as `2022-01-01T01:59:42.000Z`.

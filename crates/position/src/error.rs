@@ -22,6 +22,10 @@ pub enum DropReason {
     Stale(f64),
     /// The satellite declares itself unhealthy, with this health word.
     Unhealthy(u8),
+    /// The satellite sends the alert flag.
+    Alert,
+    /// The satellite predicts no accuracy.
+    NoAccuracy,
     /// Its C/N0, dB-Hz, is below what tells a signal from noise.
     Weak(f64),
     /// The satellite is below the elevation mask, at this elevation in rad.
@@ -37,6 +41,8 @@ impl fmt::Display for DropReason {
             Self::NoEphemeris => write!(f, "no ephemeris"),
             Self::Stale(hours) => write!(f, "ephemeris {hours:.1} h away"),
             Self::Unhealthy(health) => write!(f, "unhealthy (health word {health})"),
+            Self::Alert => write!(f, "sends the alert flag"),
+            Self::NoAccuracy => write!(f, "predicts no accuracy (URA index 15)"),
             Self::Weak(cn0_dbhz) => write!(f, "only {cn0_dbhz:.0} dB-Hz"),
             Self::BelowMask(elevation) => {
                 write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
@@ -51,6 +57,8 @@ impl From<NoOrbit> for DropReason {
             NoOrbit::Unknown => Self::NoEphemeris,
             NoOrbit::Stale(hours) => Self::Stale(hours),
             NoOrbit::Unhealthy(word) => Self::Unhealthy(word),
+            NoOrbit::Alert => Self::Alert,
+            NoOrbit::NoAccuracy => Self::NoAccuracy,
         }
     }
 }
@@ -110,9 +118,9 @@ pub enum PositioningError {
         /// Largest value that is accepted.
         limit: f64,
     },
-    /// The solution is not near the Earth's surface.
+    /// The solution lies where no receiver is believed to be without proof.
     #[error(
-        "the solution lies {:.0} km from the Earth's centre, not near its surface: a satellite or the time is wrong",
+        "the solution lies {:.0} km from the Earth's centre, where no receiver is believed to be unless redundant satellites agree on it: a satellite or the time may be wrong, or the receiver is high",
         radius_m / 1e3
     )]
     ImplausibleRadius {

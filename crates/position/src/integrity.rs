@@ -7,8 +7,8 @@ use sdr_rx_gnss::coordinates::Geodetic;
 
 /// Smallest distance from the Earth's centre, m, of a place that is believed: the poles lie at 6357 km.
 pub(crate) const MIN_RADIUS: f64 = 6.33e6;
-/// Largest such distance, m: 50 km above the equator.
-pub(crate) const MAX_RADIUS: f64 = 6.43e6;
+/// Largest such distance, m: 3000 km high, above any low orbit.
+pub(crate) const MAX_RADIUS: f64 = 9.4e6;
 /// Prior probability of a fault of a satellite at an epoch.
 pub(crate) const PRIOR_FAULT: f64 = 1e-3;
 /// Probability that the error exceeds the protection level.

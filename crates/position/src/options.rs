@@ -27,13 +27,17 @@ pub struct PositioningOptions {
     /// How far a snapshot's receive time may be from GPS time, s, either way. Beyond ten minutes the time is
     /// searched for; where it is infinite, at all times that the ephemerides cover.
     pub time_uncertainty_s: f64,
-    /// Speed that the receiver of a snapshot may have, m/s: it enters the standard deviation of the Dopplers.
+    /// Largest speed that the receiver of a snapshot of known time may have, m/s: as far as the Dopplers ask for it,
+    /// it enters their standard deviation. Where the time is searched for, the receiver is taken to rest.
     pub user_speed_mps: f64,
+    /// Largest height, m above WGS 84, at which a receiver is believed to be without proof. Where all satellites agree
+    /// on a greater one, it is believed as well.
+    pub max_height_m: f64,
 }
 
 /// Saastamoinen's troposphere, mask 5 degrees; epochs by pseudoranges, [`Solver::Best`], plain least squares,
-/// exclusion by the chi-square test; snapshots whose time is known to a minute, of a receiver that stands
-/// still.
+/// exclusion by the chi-square test; snapshots whose time is known to a minute, of a receiver of
+/// up to 100 m/s; heights up to 20 km.
 impl Default for PositioningOptions {
     fn default() -> Self {
         Self {
@@ -46,7 +50,8 @@ impl Default for PositioningOptions {
             exclusion: Exclusion::default(),
             height: None,
             time_uncertainty_s: 60.0,
-            user_speed_mps: 0.0,
+            user_speed_mps: 100.0,
+            max_height_m: 20e3,
         }
     }
 }

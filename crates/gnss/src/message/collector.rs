@@ -5,6 +5,7 @@ use super::lnav::{
     Subframe3, assemble, resolve_week,
 };
 use super::{Content, sbas};
+use crate::atmosphere::Klobuchar;
 use crate::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
@@ -86,6 +87,10 @@ impl NavigationCollector {
     }
 
     fn add_subframe(&mut self, sv: Sv, subframe: &Subframe) -> Option<Update> {
+        match subframe.header.alert {
+            true => self.data.alerts.insert(sv),
+            false => self.data.alerts.remove(&sv),
+        };
         let parts = self.parts.entry(sv).or_default();
         match subframe.message() {
             LnavMessage::Clock(clock) => {
@@ -98,7 +103,8 @@ impl NavigationCollector {
             LnavMessage::Orientation(orientation) => parts.orientation = Some(orientation),
             LnavMessage::Almanac(almanac) => return self.add_almanac(almanac),
             LnavMessage::IonosphereUtc(page) => {
-                self.data.ionosphere = Some(page.klobuchar);
+                let Klobuchar { alpha, beta } = page.klobuchar;
+                self.data.ionosphere = Klobuchar::sent(alpha, beta);
                 self.page_18 = Some(page);
                 self.resolve_utc();
                 return Some(Update::IonosphereUtc);
@@ -181,7 +187,6 @@ mod tests {
     use super::super::lnav::{Header, Health1To24, decode_words, encode_subframe};
     use super::*;
     use crate::Ephemeris;
-    use crate::atmosphere::Klobuchar;
     use crate::navigation_data::UtcParameters;
     use crate::orbit::broadcast::sample_ephemeris;
 

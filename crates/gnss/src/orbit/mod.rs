@@ -63,6 +63,12 @@ pub enum NoOrbit {
     /// The satellite declares itself unhealthy, with this health word.
     #[error("unhealthy (health word {0})")]
     Unhealthy(u8),
+    /// The satellite raises the alert flag of its hand-over words: its ranges may be worse than it states.
+    #[error("it sends the alert flag")]
+    Alert,
+    /// The satellite gives no prediction of its accuracy (URA index 15).
+    #[error("it predicts no accuracy (URA index 15)")]
+    NoAccuracy,
 }
 
 /// Rotates an ECEF vector of the instant of transmission into the ECEF frame of reception,

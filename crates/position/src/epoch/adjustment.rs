@@ -50,7 +50,7 @@ const MAX_REWEIGHTED: usize = 60;
 const REFINED_M: f64 = 1e-4;
 /// While it iterates, a place between these distances from the Earth's centre, m, may still become one on
 /// the ground.
-pub(crate) const ITERATES_M: std::ops::Range<f64> = 5e6..8e6;
+pub(crate) const ITERATES_M: std::ops::Range<f64> = 5e6..1e7;
 /// Largest standard deviation of a position, m, that is worth printing: of one by Dopplers.
 const MAX_SIGMA_M: f64 = 100e3;
 /// Rounds of variance components: they settle to per cent in two.

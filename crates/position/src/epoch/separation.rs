@@ -48,8 +48,8 @@ const CONVERGED_M: f64 = 0.1;
 /// Linear systems for one set from one anchor, and anchors it may need.
 const MOST_STEPS: usize = 12;
 const MOST_ANCHORS: usize = 6;
-/// Heights above the ellipsoid, m, where a receiver is believed to be without proof.
-const HEIGHTS_M: std::ops::Range<f64> = -500.0..20e3;
+/// Smallest height above the ellipsoid, m, where a receiver is believed to be.
+const MIN_HEIGHT_M: f64 = -500.0;
 
 /// A set of satellites, one bit each by its index: there are not as many code numbers.
 pub(super) type Set = u128;
@@ -281,11 +281,12 @@ impl<'a> Hypotheses<'a> {
 
     /// A height beyond those of people and aircraft is believed only if all satellites agree on it.
     fn possible(&self, hypothesis: &Hypothesis, factor: f64) -> bool {
-        let is_high = |h: &Hypothesis| h.height_m >= HEIGHTS_M.end;
+        let most = self.adjustment.options.max_height_m;
+        let is_high = |h: &Hypothesis| h.height_m >= most;
         let agreed = self
             .faultless()
             .is_some_and(|all| is_high(all) && all.redundancy > 0 && all.passes(factor));
-        HEIGHTS_M.contains(&hypothesis.height_m) || (agreed && is_high(hypothesis))
+        (MIN_HEIGHT_M..most).contains(&hypothesis.height_m) || (agreed && is_high(hypothesis))
     }
 
     fn alive(&self, factor: f64) -> impl Iterator<Item = &Hypothesis> {

@@ -66,16 +66,16 @@ struct Hypothesis<'a> {
 }
 
 /// A set of whole periods that explains the code phases of a hypothesis.
-struct Candidate {
+struct Candidate<'a> {
     hypothesis: usize,
-    found: Found,
+    found: Found<'a>,
 }
 
 /// All that one choice of satellites gives.
 struct Search<'a> {
     hypotheses: Vec<Hypothesis<'a>>,
     /// In the order of their costs.
-    candidates: Vec<Candidate>,
+    candidates: Vec<Candidate<'a>>,
 }
 
 impl Search<'_> {
@@ -202,11 +202,11 @@ impl<'a> Blind<'a> {
     }
 
     fn problem(&self, time: GpsTime) -> CoarseTime<'_> {
-        CoarseTime { time, nav: self.nav, options: &self.options }
+        CoarseTime { time, nav: self.nav, options: &self.options, speed_mps: 0.0 }
     }
 
     /// All whole periods that pass with this hypothesis, within the window.
-    fn code_phases(&self, hypothesis: &Hypothesis) -> Vec<Found> {
+    fn code_phases(&self, hypothesis: &Hypothesis<'a>) -> Vec<Found<'a>> {
         let problem = self.problem(hypothesis.time);
         let (set, region) = (&hypothesis.set, &hypothesis.region);
         let prediction = Prediction::new(set, region);
@@ -217,7 +217,9 @@ impl<'a> Blind<'a> {
             let time = hypothesis.time + fix.late_s();
             let holds = fix.cost <= cost_limit && self.window.is_searched(time, ONE_TIME_S);
             let iterations = hypothesis.iterations + fix.iterations;
-            holds.then_some(Found { fix, integers, iterations })
+            // What is expected by chance has a bound of its own here.
+            let (set, below) = (set.to_vec(), Vec::new());
+            holds.then_some(Found { fix, set, below, integers, iterations, tried: 1 })
         };
         prediction.integers(cost_limit - region.cost).into_iter().filter_map(solve).collect()
     }
@@ -225,9 +227,9 @@ impl<'a> Blind<'a> {
     /// The best candidate, if it is proved; adds what false ones are to be expected to `false_ones`.
     fn judge<'s>(
         &self,
-        search: &'s Search,
+        search: &'s Search<'a>,
         false_ones: &mut f64,
-    ) -> Result<&'s Candidate, PositioningError> {
+    ) -> Result<&'s Candidate<'a>, PositioningError> {
         let hypotheses = search.hypotheses.len();
         let best = search.candidates.first();
         let cost = best.map_or(limit(2 * self.window.most_satellites), |b| b.found.fix.cost);
@@ -296,7 +298,7 @@ impl<'a> Blind<'a> {
         let hypothesis = &search.hypotheses[best.hypothesis];
         let problem = self.problem(hypothesis.time);
         let excluded = excluded.into_iter().collect();
-        let fix = finish(&problem, epoch, &hypothesis.set, best.found.clone(), excluded)?;
+        let fix = finish(&problem, epoch, best.found.clone(), excluded)?;
         Ok(Fix {
             clock_bias_s: Some(epoch.receive_time - fix.time),
             time_search: Some(TimeSearch {

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! (van Diggelen, A-GPS, 2009, chapter 4, with Dopplers added), and two priors: a height of 500 m
-//! +- 2 km on WGS 84, and `tau` of 0 +- the given uncertainty.
+//! +- half of the largest ([`PositioningOptions::max_height_m`]) on WGS 84, and `tau` of 0 +- the given uncertainty.
 
 use crate::PositioningOptions;
 use crate::epoch::ITERATES_M;
@@ -35,15 +35,19 @@ const DRIFT: usize = 1;
 /// c x 1 ms, m.
 pub(super) const CODE_PERIOD_M: f64 = SPEED_OF_LIGHT * GPS_L1_CA.period_s();
 
-/// Prior height and its standard deviation, m: most places on land within one, all within four.
+/// Prior height, m, and its standard deviation as a fraction of the largest height: aircraft within one, balloons within
+/// three.
 const HEIGHT: f64 = 500.0;
-const HEIGHT_SIGMA: f64 = 2e3;
+const HEIGHT_SIGMA: f64 = 0.5;
 
 /// The problem: what does not change from one solution attempt to the next.
+#[derive(Clone, Copy)]
 pub(super) struct CoarseTime<'a> {
     pub time: GpsTime,
     pub nav: &'a NavigationData,
     pub options: &'a PositioningOptions,
+    /// Speed of the receiver, m/s: a standard deviation of the Dopplers.
+    pub speed_mps: f64,
 }
 
 /// Cost per satellite at which an attempt is given up: a right one costs about 2.
@@ -127,7 +131,7 @@ impl Model<4, 5> for Attempt<'_, '_> {
     type View = View;
 
     fn look(&self, at: &Point<4>, view: &mut View, system: &mut LeastSquares<4, 5>) {
-        let CoarseTime { time, nav, options } = self.problem;
+        let CoarseTime { time, nav, options, speed_mps } = self.problem;
         let (position_m, late_s) = (at.x.xyz(), at.x[TIME]);
         let predict =
             |s: &Sighting| Predicted::new(s.orbit, &position_m, *time + late_s, nav, options);
@@ -140,7 +144,7 @@ impl Model<4, 5> for Attempt<'_, '_> {
                 let g = predicted.rate_gradient;
                 let residual = observed - predicted.range_rate(&at_rest, at.clocks[DRIFT]);
                 let row = [g.x, g.y, g.z, predicted.acceleration_mps2, residual];
-                let sigma = sigma.hypot(predicted.rate_sigma_mps).hypot(options.user_speed_mps);
+                let sigma = sigma.hypot(predicted.rate_sigma_mps).hypot(*speed_mps);
                 rows.push(LinearRow::new(row, sigma, Some(DRIFT)));
             }
             let Some((integers, code_m)) = self.integers.zip(sighting.range_m) else { continue };
@@ -155,7 +159,7 @@ impl Model<4, 5> for Attempt<'_, '_> {
         let place = Geodetic::from_ecef(&position_m);
         let up = place.ecef_to_enu().row(2).transpose();
         let height = [up.x, up.y, up.z, 0.0, HEIGHT - place.height];
-        rows.push(LinearRow::new(height, HEIGHT_SIGMA, None));
+        rows.push(LinearRow::new(height, HEIGHT_SIGMA * options.max_height_m, None));
         let known_time = [0.0, 0.0, 0.0, 1.0, -late_s];
         rows.push(LinearRow::new(known_time, options.time_uncertainty_s, None));
         system.set(rows.into_iter());

@@ -23,7 +23,7 @@ use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::options::PositioningOptions;
 use blind::solve_blind;
-use coarse_time::{CoarseFix, CoarseTime, TIME};
+use coarse_time::{CODE_PERIOD_M, CoarseFix, CoarseTime, TIME};
 use doppler_time::{from_the_centre, rows, seeds};
 use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::{EARTH_RADIUS, SPEED_OF_LIGHT};
@@ -38,6 +38,12 @@ const NEEDED: usize = 5;
 const NEEDED_AFTER_EXCLUSION: usize = 6;
 /// Most satellites that are left out.
 const MAX_EXCLUDED: usize = 2;
+/// Speeds that the Dopplers are tried with, m/s: the lowest that explains them leaves the smallest region.
+const SPEEDS_MPS: [f64; 8] = [0.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0];
+/// Standard deviation of a code phase, m, of weak satellites near the horizon.
+const PASSING_SIGMA_M: f64 = 10.0;
+/// Most sets of integers that may be expected to agree by chance in a proved position.
+const MOST_FALSE_EXPECTED: f64 = 0.01;
 /// Spacing of candidates, m and s: half of it moves no code phase by more than a third of a period.
 const RING_M: f64 = 80e3;
 const TIME_STEP_S: f64 = 40.0;
@@ -70,9 +76,14 @@ pub fn solve_snapshot(
     let time = epoch.receive_time;
     let (sightings, dropped) =
         select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
-    let problem = CoarseTime { time: epoch.receive_time, nav, options };
+    let problem = CoarseTime { time: epoch.receive_time, nav, options, speed_mps: 0.0 };
+    let speeds = SPEEDS_MPS.iter().copied().filter(|&v| v < options.user_speed_mps);
+    let speeds: Vec<f64> = speeds.chain([options.user_speed_mps]).collect();
     let mut error = None;
-    for count in 0..=MAX_EXCLUDED {
+    // Before a satellite is left out, the receiver may move.
+    let attempts = (0..=MAX_EXCLUDED).flat_map(|count| speeds.iter().map(move |&v| (count, v)));
+    for (count, speed_mps) in attempts {
+        let problem = CoarseTime { speed_mps, ..problem };
         if count > 0 && sightings.len() < NEEDED_AFTER_EXCLUSION + count {
             break;
         }
@@ -95,16 +106,49 @@ pub fn solve_snapshot(
         if let Some((other, ..)) = solutions.find(|(s, ..)| s.contests(&best.fix)) {
             return Err(other.ambiguous(&best.fix));
         }
+        alias(&problem, &set, &best)?;
         let excluded = excluded.iter().map(|&k| sightings[k].observation.sv()).collect();
-        let mut fix = finish(&problem, epoch, &set, best, excluded)?;
-        fix.unused.extend(dropped);
-        return Ok(fix);
+        match finish(&problem, epoch, best, excluded) {
+            Ok(mut fix) => {
+                fix.unused.extend(dropped);
+                return Ok(fix);
+            }
+            Err(cause) => {
+                error.get_or_insert(cause);
+            }
+        }
     }
     Err(error.unwrap_or(PositioningError::TooFewSatellites {
         usable: sightings.len(),
         needed: NEEDED,
         dropped: Vec::new(),
     }))
+}
+
+/// Half a sidereal day later or earlier the satellites stand where they were, and the Earth has turned by 180 degrees: a
+/// place opposite explains as much of what few satellites say.
+const ALIAS_S: f64 = 43_082.0;
+
+/// An error if the code phases are explained half a sidereal day off as well.
+fn alias<'a>(
+    problem: &CoarseTime<'a>,
+    set: &[Sighting<'a>],
+    best: &Found,
+) -> Result<(), PositioningError> {
+    for offset_s in [ALIAS_S, -ALIAS_S] {
+        let time = problem.time + offset_s;
+        let moved = |s: &Sighting<'a>| {
+            Some(Sighting { orbit: problem.nav.orbit(s.sv(), time).ok()?, ..*s })
+        };
+        let set: Option<Vec<Sighting>> = set.iter().map(moved).collect();
+        // Where no ephemerides are in force then, those of now are right to some kilometres: nothing is seen.
+        let Some(set) = set else { continue };
+        if let Ok(mut other) = search(&CoarseTime { time, ..*problem }, &set) {
+            other.fix.place_time[TIME] += offset_s;
+            return Err(other.ambiguous(&best.fix));
+        }
+    }
+    Ok(())
 }
 
 /// An observation of a snapshot, with its orbit at about `time`.
@@ -131,13 +175,18 @@ fn choices(n: usize, count: usize) -> Vec<Vec<usize>> {
 
 /// A solution with its integers, and the iterations spent since the Earth's centre.
 #[derive(Clone)]
-struct Found {
+struct Found<'a> {
     fix: CoarseFix,
+    /// The satellites used, and those of the set that are below the mask.
+    set: Vec<Sighting<'a>>,
+    below: Vec<Dropped>,
     integers: Vec<i32>,
     iterations: usize,
+    /// Sets of integers that were tried.
+    tried: usize,
 }
 
-impl Found {
+impl Found<'_> {
     /// Whether this is another place than `best` and not much less likely.
     fn contests(&self, best: &CoarseFix) -> bool {
         (self.fix.position_m() - best.position_m()).norm() > SAME_PLACE_M
@@ -160,8 +209,20 @@ fn limit(rows: usize) -> f64 {
 }
 
 /// From the Earth's centre to the one set of integers that explains the code phases.
-fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningError> {
+fn search<'a>(problem: &CoarseTime, set: &[Sighting<'a>]) -> Result<Found<'a>, PositioningError> {
     let (region, spent) = region(problem, set)?;
+    let (above, below) = masked(problem, set, &region);
+    // Atmosphere and reflections at the horizon are worse than their models.
+    let (set, below, region) = if above.len() < NEEDED {
+        (set.to_vec(), Vec::new(), region)
+    } else {
+        let region = CoarseFix {
+            predictions: above.iter().map(|&k| region.predictions[k]).collect(),
+            ..region
+        };
+        (above.iter().map(|&k| set[k]).collect(), below, region)
+    };
+    let set = &set[..];
     let mut tried = BTreeSet::new();
     let mut solutions: Vec<Found> = Vec::new();
     for offset in candidates(&region) {
@@ -172,7 +233,8 @@ fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningEr
         let (start, drift_mps) = (region.place_time + offset, region.drift_mps);
         if let Some(fix) = problem.solve(set, Some((&integers, bias_m)), start, drift_mps) {
             let iterations = spent + fix.iterations;
-            solutions.push(Found { fix, integers, iterations });
+            let (set, below) = (set.to_vec(), below.clone());
+            solutions.push(Found { fix, set, below, integers, iterations, tried: 0 });
         }
     }
     solutions.sort_by(|a, b| a.fix.cost.total_cmp(&b.fix.cost));
@@ -189,8 +251,18 @@ fn search(problem: &CoarseTime, set: &[Sighting]) -> Result<Found, PositioningEr
     };
     match solutions.find(|s| s.contests(&best.fix)) {
         Some(other) => Err(other.ambiguous(&best.fix)),
-        None => Ok(best),
+        None => Ok(Found { tried: tried.len(), ..best }),
     }
+}
+
+/// Which of the satellites of a solution are above the mask, and the others.
+fn masked(problem: &CoarseTime, set: &[Sighting], fix: &CoarseFix) -> (Vec<usize>, Vec<Dropped>) {
+    let elevation = |k: usize| fix.predictions[k].elevation;
+    let (above, below): (Vec<usize>, Vec<usize>) =
+        (0..set.len()).partition(|&k| elevation(k) >= problem.options.elevation_mask);
+    let dropped =
+        |k: usize| Dropped { sv: set[k].sv(), reason: DropReason::BelowMask(elevation(k)) };
+    (above, below.into_iter().map(dropped).collect())
 }
 
 /// Where the Dopplers put the receiver, and the iterations that took.
@@ -275,19 +347,13 @@ fn code_phases(set: &[Sighting]) -> Vec<f64> {
 fn finish(
     problem: &CoarseTime,
     epoch: &ObservationEpoch,
-    set: &[Sighting],
     found: Found,
     excluded: Vec<Sv>,
 ) -> Result<Fix, PositioningError> {
-    let mask = problem.options.elevation_mask;
-    let above: Vec<usize> =
-        (0..set.len()).filter(|&k| found.fix.predictions[k].elevation >= mask).collect();
+    let set = &found.set[..];
+    let (above, below) = masked(problem, set, &found.fix);
     let used: Vec<Sighting> = above.iter().map(|&k| set[k]).collect();
-    let below = (0..set.len()).filter(|k| !above.contains(k)).map(|k| Dropped {
-        sv: set[k].sv(),
-        reason: DropReason::BelowMask(found.fix.predictions[k].elevation),
-    });
-    let unused: Vec<Dropped> = below.collect();
+    let unused: Vec<Dropped> = found.below.iter().copied().chain(below).collect();
     let too_few = PositioningError::TooFewSatellites {
         usable: used.len(),
         needed: NEEDED,
@@ -329,6 +395,10 @@ fn finish(
     let cofactor = code.covariance().fixed_view::<3, 3>(0, 0).into_owned();
     let geometry = Geometry::new(&position_m, &cofactor, satellites)?;
     let covariance = fix.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    // Of false integers a code phase that is redundant agrees by chance within four standard deviations either way.
+    let chance = 8.0 * PASSING_SIGMA_M / CODE_PERIOD_M;
+    let redundant = satellites.saturating_sub(NEEDED) as i32;
+    let proved = redundant > 0 && found.tried as f64 * chance.powi(redundant) < MOST_FALSE_EXPECTED;
     let motion = motion(&used, &fix.predictions);
     let (velocity, drift) =
         motion.map_or((Vector3::zeros(), fix.drift_mps), |m| (m.velocity_mps, m.drift_mps));
@@ -357,11 +427,11 @@ fn finish(
         vdop: geometry.vdop,
         residuals: residuals.collect(),
         integrity: match excluded.is_empty() {
-            _ if satellites <= NEEDED => Integrity::Unverified,
+            _ if !proved => Integrity::Unverified,
             true => Integrity::Verified,
             false => Integrity::Excluded,
         },
-        doubt: (satellites <= NEEDED).then_some(Doubt::NoRedundancy),
+        doubt: (!proved).then_some(Doubt::NoRedundancy),
         protection: None,
         unused,
         excluded,

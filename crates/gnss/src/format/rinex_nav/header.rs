@@ -45,8 +45,9 @@ impl Header {
         for at in 1..lines.lines.len() {
             match label(at).as_str() {
                 "END OF HEADER" => return Ok((header, at + 1)),
-                "ION ALPHA" => header.alpha = four(lines, at, 2)?,
-                "ION BETA" => header.beta = four(lines, at, 2)?,
+                // Of GPS; QZSS sends coefficients of its own region.
+                "ION ALPHA" if system == 'N' => header.alpha = four(lines, at, 2)?,
+                "ION BETA" if system == 'N' => header.beta = four(lines, at, 2)?,
                 "IONOSPHERIC CORR" => match lines.columns(at, 0, 4) {
                     "GPSA" => header.alpha = four(lines, at, 5)?,
                     "GPSB" => header.beta = four(lines, at, 5)?,
@@ -96,9 +97,11 @@ impl Header {
 
     /// UTC parameters with the header's leap seconds, or those of the built-in table.
     pub fn with_leap_seconds(&self, utc: UtcParameters) -> UtcParameters {
-        let now = self.leap.map_or(utc.tot.leap_seconds(), |leap| leap.0);
+        // A count of 0 ended in 1981: it stands where none is known.
+        let leap = self.leap.filter(|leap| leap.0 > 0);
+        let now = leap.map_or(utc.tot.leap_seconds(), |leap| leap.0);
         let (delta_t_lsf, week, day) =
-            self.leap.and_then(|leap| leap.1).unwrap_or((now, utc.tot.week(), 1));
+            leap.and_then(|leap| leap.1).unwrap_or((now, utc.tot.week(), 1));
         let wn_lsf = if week < 256 { resolve_week(week as u32, 8, utc.tot.week()) } else { week };
         UtcParameters { delta_t_ls: now, delta_t_lsf, wn_lsf, day, ..utc }
     }
@@ -130,7 +133,10 @@ fn utc_line(lines: &Lines, at: usize, c: [usize; 5]) -> Result<Option<UtcParamet
     else {
         return Ok(None);
     };
-    let known = (1.0..1e4).contains(&week) && (0.0..=SECONDS_PER_WEEK as f64).contains(&tot);
+    // Polynomial and reference are zeros where none is known.
+    let known = (a0, a1, tot) != (0.0, 0.0, 0.0)
+        && (1.0..1e4).contains(&week)
+        && (0.0..=SECONDS_PER_WEEK as f64).contains(&tot);
     Ok(known.then(|| utc_parameters(a0, a1, GpsTime::from_week_tow(week as i32, tot))))
 }
 

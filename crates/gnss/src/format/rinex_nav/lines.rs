@@ -12,7 +12,15 @@ pub struct Lines<'a> {
 /// First line of a version 4 record: `> EPH G01 LNAV`.
 pub struct Frame<'a> {
     pub kind: &'a str,
+    pub satellite: &'a str,
     pub message: &'a str,
+}
+
+impl Frame<'_> {
+    /// Letter of the satellite's system.
+    pub fn system(&self) -> char {
+        self.satellite.chars().next().unwrap_or(' ')
+    }
 }
 
 impl<'a> Lines<'a> {
@@ -42,8 +50,8 @@ impl<'a> Lines<'a> {
     pub fn frame(&self, at: usize) -> Result<Frame<'a>, ReadError> {
         let mut words = self.lines[at].split_whitespace();
         match (words.next(), words.next(), words.next(), words.next()) {
-            (Some(">"), Some(kind), Some(_), message) => {
-                Ok(Frame { kind, message: message.unwrap_or("") })
+            (Some(">"), Some(kind), Some(satellite), message) => {
+                Ok(Frame { kind, satellite, message: message.unwrap_or("") })
             }
             _ => Err(self.malformed(
                 at,

@@ -54,8 +54,7 @@ pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
     let (header, mut at) = Header::read(&lines)?;
     let mut file =
         NavigationFile { version: header.version, data: NavigationData::default(), skipped: 0 };
-    file.data.ionosphere =
-        header.alpha.zip(header.beta).map(|(a, b)| Klobuchar { alpha: a, beta: b });
+    file.data.ionosphere = header.alpha.zip(header.beta).and_then(|(a, b)| Klobuchar::sent(a, b));
     let mut utc = header.utc;
     while at < lines.lines.len() {
         if lines.lines[at].is_empty() {
@@ -65,15 +64,16 @@ pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
         let frame = if header.version >= 4.0 { Some(lines.frame(at)?) } else { None };
         let first = at + usize::from(frame.is_some());
         let end = lines.record_end(first, header.version);
-        match frame.as_ref().map(|f| (f.kind, f.message)) {
-            None | Some(("EPH", "LNAV")) => match header.satellite(&lines, first)? {
+        match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
+            None | Some(("EPH", _, "LNAV")) => match header.satellite(&lines, first)? {
                 Some(sv) => file.data.insert(ephemeris(&lines, first..end, sv, &header)?),
                 None => file.skipped += 1,
             },
-            Some(("ION", "LNAV")) => {
-                file.data.ionosphere = Some(ionosphere(&lines, first)?);
+            // QZSS sends coefficients of its own region, NavIC and BeiDou those of their own models.
+            Some(("ION", 'G', "LNAV")) => {
+                file.data.ionosphere = ionosphere(&lines, first)?.or(file.data.ionosphere);
             }
-            Some(("STO", "LNAV")) if lines.columns(first, 24, 4) == "GPUT" => {
+            Some(("STO", 'G', "LNAV")) if lines.columns(first, 24, 4) == "GPUT" => {
                 utc = Some(time_offset(&lines, first)?);
             }
             Some(_) => file.skipped += 1,
@@ -136,7 +136,8 @@ fn ephemeris(
         sv,
         iodc: within(27, "IODC", 0.0, f64::from((1u16 << 10) - 1))? as u16,
         iode: within(4, "IODE", 0.0, 255.0)? as u8,
-        ura_index: field(24)?.map_or(15, ura_index),
+        // Where none is stated, what is usual.
+        ura_index: field(24)?.map_or(0, ura_index),
         health: within(25, "health", 0.0, 63.0)? as u8,
         l2_codes: field(21)?.map_or(0, |v| v.clamp(0.0, 3.0) as u8),
         l2_p_data: field(23)?.is_some_and(|v| v != 0.0),
@@ -168,7 +169,7 @@ fn ephemeris(
 }
 
 /// A version 4 `ION` record of LNAV: alpha 0-2; alpha 3, beta 0-2; beta 3.
-fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, ReadError> {
+fn ionosphere(lines: &Lines, first: usize) -> Result<Option<Klobuchar>, ReadError> {
     let field = |k: usize| -> Result<f64, ReadError> {
         let at = first + k / 4;
         lines.real(at, 4 + 19 * (k % 4), 19)?.ok_or_else(|| {
@@ -179,10 +180,10 @@ fn ionosphere(lines: &Lines, first: usize) -> Result<Klobuchar, ReadError> {
             )
         })
     };
-    Ok(Klobuchar {
-        alpha: [field(1)?, field(2)?, field(3)?, field(4)?],
-        beta: [field(5)?, field(6)?, field(7)?, field(8)?],
-    })
+    Ok(Klobuchar::sent(
+        [field(1)?, field(2)?, field(3)?, field(4)?],
+        [field(5)?, field(6)?, field(7)?, field(8)?],
+    ))
 }
 
 /// A version 4 `STO` record of GPS minus UTC: epoch and `GPUT`; time sent, A0, A1.

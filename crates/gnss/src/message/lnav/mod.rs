@@ -33,9 +33,13 @@ pub const DATA_ID_REPEATED: u8 = 0;
 pub const SUBFRAME_SECONDS: f64 = 6.0;
 /// Number of subframes in a week: TOW counts run from 0 to one less.
 pub const TOW_COUNTS: u32 = 100_800;
-/// Reference week without other information: weeks modulo 1024 then mean 2048 to 3071 (2019-04-07
-/// to 2038-11-20).
-pub const DEFAULT_REFERENCE_WEEK: i32 = 2560;
+/// Week in which the program was built: no recording is of a later one.
+const BUILD_WEEK: i32 = match i32::from_str_radix(env!("SDR_RX_BUILD_WEEK"), 10) {
+    Ok(week) => week,
+    Err(_) => panic!("the build script gives a week"),
+};
+/// Reference week without other information: weeks modulo 1024 then mean the latest that are not later than the build.
+pub const DEFAULT_REFERENCE_WEEK: i32 = BUILD_WEEK - 511;
 
 /// Why a message cannot be sent.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -135,9 +135,14 @@ fn values_that_do_not_fit_are_refused_with_their_name() {
 
 #[test]
 fn weeks_resolve_to_the_nearest_of_their_residue() {
-    assert_eq!(resolve_week(142, 10, DEFAULT_REFERENCE_WEEK), 2190);
-    assert_eq!(resolve_week(0, 10, DEFAULT_REFERENCE_WEEK), 2048);
-    assert_eq!(resolve_week(1023, 10, DEFAULT_REFERENCE_WEEK), 3071);
+    // Without other information a week is one of the 1024 up to that of the build: 2190 and 2048 are past, and 1734 of
+    // 2013 comes again in 2032.
+    for week in [2190, 2048, 1734] {
+        assert_eq!(resolve_week(week as u32 % 1024, 10, DEFAULT_REFERENCE_WEEK), week);
+    }
+    assert_eq!(resolve_week(BUILD_WEEK as u32 % 1024, 10, DEFAULT_REFERENCE_WEEK), BUILD_WEEK);
+    let next = (BUILD_WEEK + 1) as u32 % 1024;
+    assert_eq!(resolve_week(next, 10, DEFAULT_REFERENCE_WEEK), BUILD_WEEK - 1023);
     assert_eq!(resolve_week(1023, 10, 1024), 1023);
     assert_eq!(resolve_week(0, 8, 2190), 2304);
 }
