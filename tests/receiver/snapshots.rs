@@ -3,12 +3,14 @@
 use crate::common::{Failed, Tested, data};
 use crate::program::median;
 use nalgebra::Vector3;
-use sdr_rx::capture::{self, OpenOptions};
+use sdr_rx::capture::{self, OpenOptions, SampleSource};
 use sdr_rx::gnss::GpsTime;
 use sdr_rx::gnss::atmosphere::Troposphere;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::position::{Fix, PositioningOptions};
 use sdr_rx::receiver::{self, ReceiverOptions, Record};
+use sdr_rx::scenario::receiver::Trajectory;
+use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::path::Path;
 
 #[test]
@@ -139,4 +141,38 @@ fn one_channel_of_an_array_gives_a_fix_from_100_ms() -> Tested {
     println!("{position_m:.1} m, {time_s:+.4} s with {} satellites", fix.residuals.len());
     let right = position_m <= 20.0 && time_s.abs() <= TIME_S;
     if right { Ok(()) } else { Err(format!("{position_m} m, {time_s} s").into()) }
+}
+
+/// Scenes of a receiver in motion, and high, of 0.1 s with nine satellites: the code phases do not know the motion.
+#[test]
+fn snapshots_of_moving_and_high_receivers_give_fixes() -> Tested {
+    let Some(d) = data() else { return Ok(()) };
+    for name in [
+        "07-snapshot-of-a-moving-receiver/v0",
+        "07-snapshot-of-a-moving-receiver/v05",
+        "07-snapshot-of-a-moving-receiver/v10",
+        "07-snapshot-of-a-moving-receiver/v30",
+        "08-snapshot-above-10km/airliner",
+    ] {
+        let path = d.join(format!("cases/{name}.toml"));
+        let scenario = Scenario::read(&path)?;
+        let trajectory = Trajectory::new(&scenario.receiver, scenario.start);
+        let options = ReceiverOptions {
+            navigation: scenario.navigation()?,
+            time: Some(scenario.start),
+            ..ReceiverOptions::default()
+        };
+        let mut source = ScenarioSource::new(&scenario)?;
+        let record = receiver::process(&mut source, &options, &mut |_| ())?;
+        let fix = record.fixes.first().ok_or(format!("{name}: {:?}", record.reason))?;
+        let truth_m = trajectory.state(fix.sample / source.info().rate_hz).position_m;
+        let error_m = (fix.position_m - truth_m).norm();
+        let sigma_m = fix.covariance.trace().sqrt();
+        println!("{name}: {error_m:.1} m, sigma {sigma_m:.1} m, {:?}", fix.integrity);
+        assert!(fix.integrity.is_proved() && fix.excluded.is_empty(), "{name}");
+        // Five standard deviations, and the way of half of the 0.1 s.
+        let moved_m = 0.05 * trajectory.state(0.0).velocity_mps.norm();
+        assert!(error_m < 5.0 * sigma_m + moved_m, "{name}: {error_m} of {sigma_m}");
+    }
+    Ok(())
 }
