@@ -2,6 +2,7 @@
 
 use super::output::{self, Printed};
 use super::receive::{self, Receive};
+use sdr_rx::front_end::conditioned_rate_hz;
 use sdr_rx::receiver;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -32,7 +33,7 @@ pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
     Printed {
         receive: &args.receive,
         info: &info,
-        decimation: options.decimation,
+        rate_hz: conditioned_rate_hz(info.rate_hz, options.decimation),
         record: &record,
         interrupted: false,
         advice: output::advise(&args.receive, &options, &record),

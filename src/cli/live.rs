@@ -26,8 +26,8 @@ pub struct Live {
 }
 
 impl Live {
-    /// For a stream that the receiver lowers in rate by `decimation`.
-    pub fn new(info: &StreamInfo, decimation: usize, follow: bool) -> Self {
+    /// For a stream whose samples the receiver counts at `rate_hz`.
+    pub fn new(info: &StreamInfo, rate_hz: f64, follow: bool) -> Self {
         let bar =
             ProgressBar::with_draw_target(info.samples, ProgressDrawTarget::stderr_with_hz(1));
         let style = match info.samples {
@@ -39,7 +39,7 @@ impl Live {
             Err(_) => bar,
         };
         Self {
-            rates_hz: [info.rate_hz, info.rate_hz / decimation as f64],
+            rates_hz: [info.rate_hz, rate_hz],
             bar,
             tracked: BTreeSet::new(),
             last: None,

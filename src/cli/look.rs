@@ -3,6 +3,7 @@
 use super::output::Printed;
 use super::receive::{self, Receive};
 use anyhow::Context;
+use sdr_rx::front_end::conditioned_rate_hz;
 use sdr_rx::receiver;
 use sdr_rx::report::{arrival_plot, write_atomically};
 use std::path::PathBuf;
@@ -42,7 +43,7 @@ pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     Printed {
         receive: &args.receive,
         info: &info,
-        decimation: options.decimation,
+        rate_hz: conditioned_rate_hz(info.rate_hz, options.decimation),
         record: &record,
         interrupted: false,
         advice: Vec::new(),

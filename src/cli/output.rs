@@ -17,7 +17,8 @@ use std::path::Path;
 pub struct Printed<'a> {
     pub receive: &'a Receive,
     pub info: &'a StreamInfo,
-    pub decimation: usize,
+    /// Rate of the samples that the record counts, Hz.
+    pub rate_hz: f64,
     pub record: &'a Record,
     /// Whether the stream was ended before its end.
     pub interrupted: bool,
@@ -44,7 +45,8 @@ impl Printed<'_> {
 
     /// Samples at the receiver's rate: those of the stream where their number is known, else those received.
     fn samples(&self) -> Option<u64> {
-        let promised = self.info.samples.map(|n| n / self.decimation as u64);
+        let promised =
+            self.info.samples.map(|n| (n as f64 * self.rate_hz / self.info.rate_hz) as u64);
         promised.filter(|_| !self.interrupted).or(Some(self.record.samples))
     }
 
@@ -61,12 +63,9 @@ impl Printed<'_> {
     fn with_run<T>(&self, then: impl FnOnce(&Run) -> anyhow::Result<T>) -> anyhow::Result<T> {
         let acquisitions: Vec<Acquisition> =
             self.record.acquisitions.iter().map(|r| r.acquisition).collect();
-        // Samples are counted at the receiver's rate, after decimation.
-        let stream = StreamInfo {
-            rate_hz: self.info.rate_hz / self.decimation as f64,
-            samples: self.samples(),
-            ..self.info.clone()
-        };
+        // Samples are counted at the receiver's rate.
+        let stream =
+            StreamInfo { rate_hz: self.rate_hz, samples: self.samples(), ..self.info.clone() };
         let notices = self.record.notices.iter().map(words::notice);
         let warnings: Vec<String> = notices.chain(self.advice.iter().map(words::advised)).collect();
         let reason = self.record.reason.as_ref().map(words::reason);

@@ -6,6 +6,7 @@ use super::output::{self, Printed};
 use super::receive::{self, Receive, Solve};
 use anyhow::{Context, ensure};
 use sdr_rx::capture::Block;
+use sdr_rx::front_end::conditioned_rate_hz;
 use sdr_rx::receiver::{Event, Receiver, ReceiverError, Recorder, Task};
 use sdr_rx::report::{OutputDir, write_check};
 use std::path::{Path, PathBuf};
@@ -55,7 +56,11 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     }
 
     let follow = args.follow || args.receive.input.is_stream();
-    let mut live = Live::new(&info, options.decimation, follow && !json_out && !events_out);
+    let mut live = Live::new(
+        &info,
+        conditioned_rate_hz(info.rate_hz, options.decimation),
+        follow && !json_out && !events_out,
+    );
     if let Some(path) = &args.events {
         live.write_events(path, &args.receive.input.name())
             .with_context(|| format!("writing events to '{}'", path.display()))?;
@@ -99,7 +104,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     let printed = Printed {
         receive: &args.receive,
         info: &info,
-        decimation: options.decimation,
+        rate_hz: conditioned_rate_hz(info.rate_hz, options.decimation),
         record: &record,
         interrupted,
         advice,

@@ -1,15 +1,27 @@
 //! Conversion of the front end's samples to complex baseband at the receiver's processing rate.
+//!
+//! Sampled at a multiple of the chip rate, all chips change between the same samples: delays within a sample look
+//! alike, and a replica of signs lies on a grid of samples (73 m at 4.092 MHz), whatever the phases it is tabulated at.
+//! A stream of such a rate is resampled to one a thousandth lower, at which a code period sweeps the grid.
 
 use super::Oscillator;
 use crate::capture::{Block, StreamInfo};
+use crate::gnss::signal::GPS_L1_CA;
 use multiversion::multiversion;
 use num_complex::Complex32;
 use std::f64::consts::PI;
 
-/// Half the number of filter taps per unit of the decimation factor.
+/// Half the number of filter taps per unit of the decimation factor, and where a stream is resampled.
 const TAPS_PER_STEP: usize = 4;
+const TAPS_PER_STEP_RESAMPLED: usize = 8;
 /// Kaiser's beta for 50 dB of stop-band attenuation, 0.1102 (50 - 8.7) (Oppenheim and Schafer 7.75).
 const KAISER_BETA: f64 = 4.55;
+/// Distances of outputs are whole multiples of an input sample over this.
+const UNITS: u64 = 1024;
+/// Filters for positions between input samples.
+const POSITIONS: usize = 128;
+/// Rates at which fewer starting phases of a chip than this differ are resampled: as many as replicas are tabulated at.
+const PHASES: usize = 40;
 
 /// Real and imaginary parts in separate arrays, for vectorisation of the filter.
 #[derive(Clone, Debug, Default)]
@@ -18,49 +30,65 @@ struct Parts {
     im: Vec<f32>,
 }
 
-/// Removes the intermediate frequency and, if asked, lowers the rate by an integer factor.
+/// Removes the intermediate frequency and, if asked, lowers the rate by an integer factor; a rate that would then be
+/// commensurate with the chips by 1/1024 more.
 ///
-/// Output sample k corresponds to the instant of input sample k x `decimation`: the filter is symmetric about
+/// Output sample k corresponds to the instant of input k times the ratio of the rates: the filter is symmetric about
 /// it, so there is no delay to correct, and the time of the first sample is unchanged. Input before the start
-/// of the stream is taken as zero, so the first four output samples of a decimated stream are attenuated;
-/// there is no output for the last four instants of the input. Blocks must come in order and without gaps.
-/// Cost: one complex product a sample, and 9 multiply-adds a sample to decimate.
+/// of the stream is taken as zero, so the first four output samples of a decimated stream are attenuated (eight of a
+/// resampled one); there is no output for as many last instants of the input. Blocks must come in order and without
+/// gaps. Cost: one complex product a sample, 9 multiply-adds a sample to decimate and 17 to resample.
 #[derive(Clone, Debug)]
 pub struct Conditioner {
     info: StreamInfo,
     oscillator: Option<Oscillator>,
-    decimation: usize,
-    taps: Vec<f32>,
+    /// Distance of outputs, input samples over [`UNITS`].
+    step: u64,
+    /// Filters for positions between input samples; none where nothing is filtered.
+    bank: Vec<Vec<f32>>,
     pending: Vec<Parts>,
     mixed: Vec<Complex32>,
     next_output: u64,
+    /// Input samples that are no longer held.
+    drained: u64,
 }
 
 impl Conditioner {
     /// A conditioner of the stream that `info` describes; a `decimation` of 0 counts as 1.
     ///
     /// The passband (within 0.1 dB) is +-0.31 of the new rate; aliases from beyond +-0.69 of it are
-    /// attenuated by 49 dB.
+    /// attenuated by 49 dB. (+-0.40 and +-0.60 where it is resampled.)
     pub fn new(info: &StreamInfo, decimation: usize) -> Self {
         let decimation = decimation.max(1);
-        let taps = if decimation > 1 { low_pass(decimation) } else { Vec::new() };
-        let half = taps.len() / 2;
-        let given =
-            |n: u64| (n + decimation as u64 - 1).saturating_sub(half as u64) / decimation as u64;
+        let resampled = is_commensurate(info.rate_hz / decimation as f64);
+        let bank = match (resampled, decimation) {
+            (true, _) => (0..POSITIONS)
+                .map(|k| low_pass(decimation, TAPS_PER_STEP_RESAMPLED, k as f64 / POSITIONS as f64))
+                .collect(),
+            (false, 1) => Vec::new(),
+            (false, _) => vec![low_pass(decimation, TAPS_PER_STEP, 0.0)],
+        };
+        let half = bank.first().map_or(0, Vec::len) / 2;
+        let step = decimation as u64 * (UNITS + u64::from(resampled));
+        let given = |n: u64| match n.checked_sub(half as u64 + 1) {
+            Some(last) => (last * UNITS + UNITS - 1) / step + 1,
+            None => 0,
+        };
         Self {
             oscillator: (info.if_hz != 0.0).then(|| Oscillator::new(info.if_hz, info.rate_hz)),
-            decimation,
+            step,
             pending: vec![Parts { re: vec![0.0; half], im: vec![0.0; half] }; info.channels],
             mixed: Vec::new(),
             next_output: 0,
+            drained: 0,
             info: StreamInfo {
-                rate_hz: info.rate_hz / decimation as f64,
+                rate_hz: info.rate_hz * UNITS as f64 / step as f64,
                 if_hz: 0.0,
                 real: info.real && info.if_hz == 0.0,
                 samples: info.samples.map(given),
                 ..info.clone()
             },
-            taps,
+            bank,
         }
     }
 
@@ -71,24 +99,27 @@ impl Conditioner {
 
     /// Whether the output is the input unchanged, so that the stage can be left out.
     pub fn is_identity(&self) -> bool {
-        self.decimation == 1 && self.oscillator.is_none()
+        self.bank.is_empty() && self.oscillator.is_none()
     }
 
     /// Conditions the next block of the input; `output` is resized.
     pub fn process(&mut self, input: &Block, output: &mut Block) {
-        if self.decimation == 1 {
+        let Some(taps) = self.bank.first().map(Vec::len) else {
             output.clone_from(input);
             if let Some(oscillator) = &self.oscillator {
                 output.channels_mut().for_each(|x| oscillator.mix(input.first_sample(), x));
             }
             return;
-        }
+        };
         let held = self.pending.first().map_or(0, |p| p.re.len()) + input.len();
-        let count = match held.checked_sub(self.taps.len()) {
-            Some(rest) => rest / self.decimation + 1,
+        // Outputs whose filters end within the input.
+        let end = match (self.drained + held as u64).checked_sub(taps as u64) {
+            Some(last) => (last * UNITS + UNITS - 1) / self.step + 1,
             None => 0,
         };
-        output.reset(input.channels(), count, self.next_output);
+        let count = end.saturating_sub(self.next_output);
+        output.reset(input.channels(), count as usize, self.next_output);
+        let done = ((self.next_output + count) * self.step / UNITS - self.drained) as usize;
         let mut mixed = std::mem::take(&mut self.mixed);
         for (channel, held) in self.pending.iter_mut().enumerate() {
             mixed.clear();
@@ -98,24 +129,45 @@ impl Conditioner {
             }
             held.re.extend(mixed.iter().map(|x| x.re));
             held.im.extend(mixed.iter().map(|x| x.im));
-            decimate(held, &self.taps, self.decimation, output.channel_mut(channel));
-            held.re.drain(..count * self.decimation);
-            held.im.drain(..count * self.decimation);
+            let first = self.next_output * self.step - self.drained * UNITS;
+            resample(held, &self.bank, first, self.step, output.channel_mut(channel));
+            held.re.drain(..done);
+            held.im.drain(..done);
         }
         self.mixed = mixed;
-        self.next_output += count as u64;
+        self.next_output += count;
+        self.drained += done as u64;
     }
 }
 
+/// Rate of the stream behind a conditioner, Hz.
+pub fn conditioned_rate_hz(rate_hz: f64, decimation: usize) -> f64 {
+    let rate_hz = rate_hz / decimation.max(1) as f64;
+    if is_commensurate(rate_hz) { rate_hz * UNITS as f64 / (UNITS + 1) as f64 } else { rate_hz }
+}
+
+/// Whether the chips of a code change at fewer than [`PHASES`] different places between samples in a code period: `p`
+/// samples are `q` chips, `p` is small, and what they differ by adds up to less than half of that grid.
+fn is_commensurate(rate_hz: f64) -> bool {
+    let signal = &GPS_L1_CA;
+    let samples_per_chip = rate_hz / signal.chip_rate_hz;
+    let mut chips = (1..=PHASES).map(|q| q as f64).map(|q| (q, (q * samples_per_chip).round()));
+    chips.any(|(q, p)| {
+        let swept = (samples_per_chip - p / q).abs() * signal.chips as f64;
+        p > 0.0 && p < PHASES as f64 && swept < 0.5 / q
+    })
+}
+
 /// Kaiser-windowed low-pass of unit gain at 0 Hz whose half-amplitude point is the new Nyquist
-/// frequency: 2 x `TAPS_PER_STEP` x `decimation` + 1 symmetric taps.
-fn low_pass(decimation: usize) -> Vec<f32> {
-    let half = (TAPS_PER_STEP * decimation) as i64;
+/// frequency: 2 x `taps_per_step` x `decimation` + 1 taps, symmetric about `shift` samples after their middle.
+fn low_pass(decimation: usize, taps_per_step: usize, shift: f64) -> Vec<f32> {
+    let half = (taps_per_step * decimation) as i64;
     let tap = |k: i64| {
-        let x = k as f64 / decimation as f64;
-        let sinc = if k == 0 { 1.0 } else { (PI * x).sin() / (PI * x) };
-        let at = k as f64 / half as f64;
-        sinc * bessel_i0(KAISER_BETA * (1.0 - at * at).sqrt())
+        let k = k as f64 - shift;
+        let x = k / decimation as f64;
+        let sinc = if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+        let at = k / half as f64;
+        sinc * bessel_i0(KAISER_BETA * (1.0 - at * at).max(0.0).sqrt())
     };
     let taps: Vec<f64> = (-half..=half).map(tap).collect();
     let sum: f64 = taps.iter().sum();
@@ -133,12 +185,16 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
-/// One output per `step` inputs: the inner product of the taps and the inputs from there on.
+/// Outputs `step` apart from `first` on, in [`UNITS`] of an input: the inner product of the inputs from there on and the
+/// taps for the position between them.
 #[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
-fn decimate(input: &Parts, taps: &[f32], step: usize, output: &mut [Complex32]) {
+fn resample(input: &Parts, bank: &[Vec<f32>], first: u64, step: u64, output: &mut [Complex32]) {
     for (k, y) in output.iter_mut().enumerate() {
-        let re = &input.re[k * step..][..taps.len()];
-        let im = &input.im[k * step..][..taps.len()];
+        let at = first + k as u64 * step;
+        let (start, between) = ((at / UNITS) as usize, (at % UNITS) as usize);
+        let taps = &bank[between * bank.len() / UNITS as usize][..];
+        let re = &input.re[start..][..taps.len()];
+        let im = &input.im[start..][..taps.len()];
         let mut sums = [[0f32; 8]; 2];
         let (t_runs, t_rest) = taps.as_chunks::<8>();
         let (re_runs, re_rest) = re.as_chunks::<8>();
@@ -208,7 +264,7 @@ mod tests {
             let promised = conditioner.info().samples;
             let out = run(&mut conditioner, &samples, &cuts);
             prop_assert_eq!(promised, Some(out.len() as u64));
-            let taps = low_pass(step);
+            let taps = low_pass(step, TAPS_PER_STEP, 0.0);
             let half = taps.len() as i64 / 2;
             // Each of n products and sums rounds to 2^-24 of at most 142 x the sum of |taps| (< 2).
             let bound = taps.len() as f32 * 2f32.powi(-24) * 142.0 * 2.0;
@@ -219,6 +275,41 @@ mod tests {
                     .sum();
                 prop_assert!((direct - y).norm() <= bound);
             }
+        }
+    }
+
+    /// Rates of usual front ends: 1, 2, 4 samples a chip, 16 in 3 chips, and those that no small numbers express.
+    #[test]
+    fn multiples_of_the_chip_rate_are_resampled_and_tones_keep_their_phase() {
+        for (rate_hz, resampled) in [
+            (2.046e6, true),
+            (4.092e6, true),
+            (5.115e6, true),
+            (5.456e6, true),
+            (8.184e6, true),
+            (16.368e6, true),
+            (2.048e6, false),
+            (2.4e6, false),
+            (2.6e6, false),
+            (4e6, false),
+            (4.1e6, false),
+            (5e6, false),
+            (12e6, false),
+            (20e6, false),
+        ] {
+            assert_eq!(Conditioner::new(&info(rate_hz, 0.0), 1).is_identity(), !resampled);
+            assert_eq!(conditioned_rate_hz(rate_hz, 1) < rate_hz, resampled, "{rate_hz}");
+        }
+        // A tone at a tenth of the rate, whatever the blocks: to half of a 128th of a sample, 0.1 x 2 pi / 256.
+        let input = info(4.092e6, 0.0);
+        let tone = |at: f64| Complex32::cis((2.0 * PI * 0.1 * at) as f32);
+        let samples: Vec<Complex32> = (0..20_000).map(|n| tone(f64::from(n))).collect();
+        let mut conditioner = Conditioner::new(&input, 1);
+        let ratio = input.rate_hz / conditioner.info().rate_hz;
+        let out = run(&mut conditioner, &samples, &[1, 7, 500, 3, 2000]);
+        assert!(out.len() > 19_900);
+        for (k, y) in out.iter().enumerate().skip(20) {
+            assert!((y - tone(k as f64 * ratio)).norm() < 0.1 * PI as f32 / 128.0 + 3e-3, "{k}");
         }
     }
 
@@ -252,7 +343,7 @@ mod tests {
     #[test]
     fn the_filter_has_the_documented_passband_and_alias_attenuation() {
         for step in [2, 4, 5, 10] {
-            let taps = low_pass(step);
+            let taps = low_pass(step, TAPS_PER_STEP, 0.0);
             let gain = |new_rates: f64| {
                 let half = taps.len() as f64 / 2.0 - 0.5;
                 let angle = |k: usize| 2.0 * PI * new_rates / step as f64 * (k as f64 - half);

@@ -9,7 +9,7 @@ pub mod mixture;
 mod oscillator;
 mod spectrum;
 
-pub use conditioner::Conditioner;
+pub use conditioner::{Conditioner, conditioned_rate_hz};
 pub use efficacy::{Effect, Map};
 pub use impulses::{ImpulseReport, ImpulseSuppressor, Suppression};
 pub use level::{Level, LevelMeter};
