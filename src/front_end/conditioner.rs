@@ -20,9 +20,6 @@ const KAISER_BETA: f64 = 4.55;
 const UNITS: u64 = 1024;
 /// Filters for positions between input samples.
 const POSITIONS: usize = 128;
-/// Rates at which fewer starting phases of a chip than this differ are resampled: as many as replicas are tabulated at.
-const PHASES: usize = 40;
-
 /// Real and imaginary parts in separate arrays, for vectorisation of the filter.
 #[derive(Clone, Debug, Default)]
 struct Parts {
@@ -60,7 +57,7 @@ impl Conditioner {
     /// attenuated by 49 dB. (+-0.40 and +-0.60 where it is resampled.)
     pub fn new(info: &StreamInfo, decimation: usize) -> Self {
         let decimation = decimation.max(1);
-        let resampled = is_commensurate(info.rate_hz / decimation as f64);
+        let resampled = GPS_L1_CA.is_commensurate(info.rate_hz / decimation as f64);
         let bank = match (resampled, decimation) {
             (true, _) => (0..POSITIONS)
                 .map(|k| low_pass(decimation, TAPS_PER_STEP_RESAMPLED, k as f64 / POSITIONS as f64))
@@ -143,19 +140,11 @@ impl Conditioner {
 /// Rate of the stream behind a conditioner, Hz.
 pub fn conditioned_rate_hz(rate_hz: f64, decimation: usize) -> f64 {
     let rate_hz = rate_hz / decimation.max(1) as f64;
-    if is_commensurate(rate_hz) { rate_hz * UNITS as f64 / (UNITS + 1) as f64 } else { rate_hz }
-}
-
-/// Whether the chips of a code change at fewer than [`PHASES`] different places between samples in a code period: `p`
-/// samples are `q` chips, `p` is small, and what they differ by adds up to less than half of that grid.
-fn is_commensurate(rate_hz: f64) -> bool {
-    let signal = &GPS_L1_CA;
-    let samples_per_chip = rate_hz / signal.chip_rate_hz;
-    let mut chips = (1..=PHASES).map(|q| q as f64).map(|q| (q, (q * samples_per_chip).round()));
-    chips.any(|(q, p)| {
-        let swept = (samples_per_chip - p / q).abs() * signal.chips as f64;
-        p > 0.0 && p < PHASES as f64 && swept < 0.5 / q
-    })
+    if GPS_L1_CA.is_commensurate(rate_hz) {
+        rate_hz * UNITS as f64 / (UNITS + 1) as f64
+    } else {
+        rate_hz
+    }
 }
 
 /// Kaiser-windowed low-pass of unit gain at 0 Hz whose half-amplitude point is the new Nyquist

@@ -1,7 +1,7 @@
 //! The signal of one satellite over a batch of segments: generated once, added to every channel.
 
 use super::Scenario;
-use super::kernel::{TABLE, mix_add, spread};
+use super::kernel::{TABLE, mix_add, spread, spread_averaged};
 use super::sky::Emitter;
 use crate::gnss::antenna::{AntennaArray, direction};
 use crate::gnss::constants::SPEED_OF_LIGHT;
@@ -57,6 +57,10 @@ impl Emission {
         let (period_s, code) = (signal.period_s(), signal.chips);
         let periods_per_s = (1.0 / period_s).round() as i64;
         let wavelength_m = emitter.transmission.wavelength_m();
+        let make = match signal.is_commensurate(scenario.front_end.rate_hz) {
+            true => spread_averaged,
+            false => spread,
+        };
         for ((k, chips), segment) in
             segments.zip(self.chips.chunks_exact_mut(len)).zip(&mut self.segments)
         {
@@ -78,12 +82,12 @@ impl Emission {
             let first = emitter.message.sign(period)?;
             let second = emitter.message.sign(period + 1)?;
             if first == second {
-                spread(&emitter.chips, chip, chip_step, chips);
+                make(&emitter.chips, chip, chip_step, chips);
             } else {
                 // A symbol edge: the second period, and what is beyond, with the other sign.
                 self.signed.copy_from_slice(&emitter.chips[..]);
                 self.signed[code..].iter_mut().for_each(|c| *c = -*c);
-                spread(&self.signed, chip, chip_step, chips);
+                make(&self.signed, chip, chip_step, chips);
             }
 
             // Carrier: minus the range in cycles.

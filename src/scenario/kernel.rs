@@ -37,6 +37,31 @@ fn spread_fixed(table: &[f32; TABLE], start: u64, step: u64, chips: &mut [f32]) 
     }
 }
 
+/// The same, but each sample is the mean of the code over the time from half a sample before to half a sample after it,
+/// as behind a filter before the sampling: at rates commensurate with the chips, where chips sampled as they are would
+/// look alike for all delays within a sample. Costs the signal `2/3 x 1/2` of its power in samples with a chip edge
+/// (0.4 dB at four samples a chip).
+pub fn spread_averaged(table: &[f32; TABLE], start: f64, step: f64, chips: &mut [f32]) {
+    let scale = (1u64 << FRACTION_BITS) as f64;
+    spread_averaged_fixed(table, (start * scale) as u64, (step * scale) as u64, chips);
+}
+
+#[multiversion(targets("x86_64+avx2+bmi2", "aarch64+neon"))]
+fn spread_averaged_fixed(table: &[f32; TABLE], start: u64, step: u64, chips: &mut [f32]) {
+    const FRACTION: u64 = (1 << FRACTION_BITS) - 1;
+    let (half, per_sample) = (step / 2, 1.0 / step as f32);
+    // Before the first sample of a code the first chip stands for the last one.
+    let mut begin = start.saturating_sub(half);
+    for k in 0..chips.len() as u64 {
+        let end = start.saturating_add(k * step + half);
+        let (first, last) = ((begin >> FRACTION_BITS) as usize, (end >> FRACTION_BITS) as usize);
+        // At most one edge lies between, as samples are shorter than chips.
+        let after = if first == last { 1.0 } else { (end & FRACTION) as f32 * per_sample };
+        chips[k as usize] = table[first] + (table[last] - table[first]) * after;
+        begin = end;
+    }
+}
+
 /// Adds `chips` times the phasor `start` exp(j 2 pi k `cycles`) to (`re`, `im`); the three slices are of
 /// one length. `start` carries amplitude, initial phase and, with an array, the element's steering:
 /// call it once per channel with the same chips. Eight operations a sample and 16-fold parallel;

@@ -113,6 +113,19 @@ pub struct Symbols {
 }
 
 impl Signal {
+    /// Whether samples at this rate see the chips of a code period change at few different places between them: `p`
+    /// samples are `q` chips, `p` is below 40, and what they differ by adds up to less than half of that grid. Delays
+    /// within a step of the grid then look alike to a replica of signs.
+    pub fn is_commensurate(&self, rate_hz: f64) -> bool {
+        const STEPS: u32 = 40;
+        let samples_per_chip = rate_hz / self.chip_rate_hz;
+        (1..=STEPS).map(f64::from).any(|q| {
+            let p = (q * samples_per_chip).round();
+            let swept = (samples_per_chip - p / q).abs() * self.chips as f64;
+            p > 0.0 && p < f64::from(STEPS) && swept < 0.5 / q
+        })
+    }
+
     /// Period of the primary code, s.
     pub const fn period_s(&self) -> f64 {
         self.chips as f64 / self.chip_rate_hz
