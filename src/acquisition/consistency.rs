@@ -34,6 +34,16 @@ pub fn is_mirrored(refined: &[Refined]) -> bool {
     refined.len() >= 2 && 0.5 * (cost(0.0) - cost(-2.0)) > MIN_MIRROR_LOG_RATIO
 }
 
+/// By which fraction of the chip rate all codes run faster than their carriers say, beyond what was assumed, and its
+/// standard deviation: not 0 where mixer and sampler have clocks of their own. None where no code was measured.
+pub fn common_code_offset(refined: &[Refined]) -> Option<(f64, f64)> {
+    let chips = |r: &Refined| r.acquisition.transmission.signal.chip_rate_hz;
+    let weight = |r: &Refined| (r.code_rate_sigma / chips(r)).powi(-2);
+    let total: f64 = refined.iter().map(weight).sum();
+    let sum: f64 = refined.iter().map(|r| weight(r) * r.code_rate_excess / chips(r)).sum();
+    (total > 0.0).then(|| (sum / total, total.recip().sqrt()))
+}
+
 /// A jump of all code phases: samples are missing from or repeated in a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MissingSamples {
@@ -46,12 +56,14 @@ pub struct MissingSamples {
 }
 
 /// Searches samples missing between the start of `samples`, for which `found` holds, and their end: all
-/// satellites' code phases then jump alike. Cost: a bisection of some ten steps, each a narrow search for up
+/// satellites' code phases then jump alike. `code_offset`: by which fraction
+/// codes run faster than their carriers say. Cost: a bisection of some ten steps, each a narrow search for up
 /// to six satellites.
 pub fn find_missing_samples(
     samples: &[Complex32],
     rate_hz: f64,
     found: &[Acquisition],
+    code_offset: f64,
 ) -> Option<MissingSamples> {
     let followed = &found[..found.len().min(MAX_SATELLITES)];
     let plans: Vec<SearchPlan> = followed
@@ -78,7 +90,8 @@ pub fn find_missing_samples(
         let window = samples.get(at..at + search_len)?;
         let seen = plans.iter().zip(followed).filter_map(|(plan, a)| {
             let now = plan.search(window).ok()?.into_iter().next()?;
-            let elapsed = at as f64 / rate_hz * (1.0 + a.doppler_hz / a.transmission.carrier_hz());
+            let faster = a.doppler_hz / a.transmission.carrier_hz() + code_offset;
+            let elapsed = at as f64 / rate_hz * (1.0 + faster);
             let period_s = a.transmission.signal.period_s();
             let expected = (a.code_offset_s() - elapsed).rem_euclid(period_s);
             let jump = now.code_offset_s() - expected;
@@ -136,9 +149,9 @@ mod tests {
         let plan = SearchPlan::new(RATE, SearchOptions::default()).unwrap();
         let found = plan.search(&samples).unwrap();
         assert_eq!(found.len(), 4);
-        assert_eq!(find_missing_samples(&samples, RATE, &found), None);
+        assert_eq!(find_missing_samples(&samples, RATE, &found, 0.0), None);
         samples.drain(at..at + missing);
-        let jump = find_missing_samples(&samples, RATE, &found).unwrap();
+        let jump = find_missing_samples(&samples, RATE, &found, 0.0).unwrap();
         assert!((jump.after..=jump.before).contains(&(at as u64)), "{jump:?}");
         assert!(jump.before - jump.after < 10_000);
         // To half a bin of code phase and of Doppler.

@@ -12,7 +12,7 @@ pub(crate) mod search;
 mod snapshot;
 pub mod statistics;
 
-pub use consistency::{MissingSamples, find_missing_samples, is_mirrored};
+pub use consistency::{MissingSamples, common_code_offset, find_missing_samples, is_mirrored};
 pub use cross_correlation::remove_cross_correlations;
 pub use refine::{Refined, Refiner};
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};

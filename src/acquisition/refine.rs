@@ -65,6 +65,7 @@ pub struct Refiner<'a> {
     start: u64,
     end: u64,
     doppler_rate_hz_s: f64,
+    code_offset: f64,
 }
 
 impl<'a> Refiner<'a> {
@@ -76,7 +77,14 @@ impl<'a> Refiner<'a> {
             start: start.max(samples.first_sample()),
             end: end.min(samples.end()),
             doppler_rate_hz_s: 0.0,
+            code_offset: 0.0,
         }
+    }
+
+    /// The code runs faster than the carrier says by this fraction.
+    #[must_use]
+    pub fn with_code_offset(self, code_offset: f64) -> Self {
+        Self { code_offset, ..self }
     }
 
     /// Searches rates of the Doppler up to `doppler_rate_hz_s` (Hz/s) either way: satellites in low orbits
@@ -114,7 +122,8 @@ impl<'a> Refiner<'a> {
         span_hz: f64,
     ) -> Option<Refined> {
         let Acquisition { transmission, .. } = *now;
-        let (clock, timing) = (transmission.clock(now.doppler_hz), transmission.timing());
+        let clock = transmission.clock_beside(now.doppler_hz, self.code_offset);
+        let timing = transmission.timing();
         let period = clock.period_samples(self.rate_hz);
         let first = self.start as f64 + clock.seconds_to_start(now.code_phase_chips) * self.rate_hz;
         let count = ((self.end as f64 - first) / period).floor().max(0.0) as usize;

@@ -59,6 +59,8 @@ pub(super) struct Region<'a> {
     pub(super) rate_hz: f64,
     pub(super) start: u64,
     pub(super) end: u64,
+    /// By which fraction codes run faster than their carriers say.
+    pub(super) code_offset: f64,
 }
 
 /// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
@@ -117,6 +119,7 @@ impl Region<'_> {
         let buffer = own.as_ref().unwrap_or(&self.buffers[0]);
         let refined = Refiner::new(buffer, self.rate_hz, self.start, self.end)
             .with_doppler_rate(searched.doppler_rate_hz_s)
+            .with_code_offset(self.code_offset)
             .refine(cell, &table, span_hz)
             .unwrap_or_else(|| Refined::unrefined(cell, self.rate_hz, searched.coherent_ms));
         // Once more at the refined code phase and Doppler.

@@ -8,7 +8,8 @@ use super::stages::Stages;
 use super::survey::survey;
 use super::{Emit, ReceiverError, ReceiverOptions};
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, SearchOptions, find_missing_samples, is_mirrored,
+    Acquisition, AcquisitionError, Refined, SearchOptions, common_code_offset,
+    find_missing_samples, is_mirrored,
 };
 use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
@@ -105,11 +106,22 @@ const ENOUGH_SATELLITES: usize = 8;
 /// Signal that a mirrored spectrum is looked for in, s.
 const MIRROR_S: f64 = 0.1;
 
+/// Standard deviations from which a common offset of the codes against the carriers is believed, and steps by which it
+/// is approached.
+const SIGNIFICANT: f64 = 5.0;
+const CODE_OFFSET_STEPS: usize = 4;
+
 /// Results of the head.
 pub(super) struct HeadFound {
     pub(super) found: Vec<Found>,
     /// With an array.
     pub(super) sky: Option<ArraySky>,
+    /// By which fraction codes run faster than their carriers say.
+    pub(super) code_offset: f64,
+}
+
+fn refined(found: &[Found]) -> Vec<Refined> {
+    found.iter().map(|f| f.refined).collect()
 }
 
 /// Searches the head, deeper where little is found, and refines over its first `refine` samples.
@@ -147,20 +159,43 @@ pub(super) fn acquire_head(
     }
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
-    let region = |end: u64| Region { block, buffers, beams, rate_hz, start: 0, end };
+    let region = |end: u64, code_offset: f64| Region {
+        block,
+        buffers,
+        beams,
+        rate_hz,
+        start: 0,
+        end,
+        code_offset,
+    };
     // In 0.1 s even the code of a mirrored satellite stays within a chip of its expected phase.
     let short = refine.min((MIRROR_S * rate_hz) as u64);
-    let mut found = region(short).refine_all(&cells, &asked);
-    let refined: Vec<Refined> = found.iter().map(|f| f.refined).collect();
-    if is_mirrored(&refined) {
+    let mut found = region(short, 0.0).refine_all(&cells, &asked);
+    let mut code_offset = 0.0;
+    if is_mirrored(&refined(&found)) {
         emit(Event::Notice(Notice::Mirrored));
     } else {
         let mut end = refine;
-        if let Some(slip) = find_missing_samples(head.block.channel(0), rate_hz, &cells) {
+        // A code that drifts out of its replica shows less of its drift than there is: in a few steps all of it.
+        for _ in 0..CODE_OFFSET_STEPS {
+            match common_code_offset(&refined(&found)) {
+                Some((more, sigma)) if more.abs() > SIGNIFICANT * sigma => code_offset += more,
+                _ => break,
+            }
+            found = region(short, code_offset).refine_all(&cells, &asked);
+        }
+        let samples = head.block.channel(0);
+        if let Some(slip) = find_missing_samples(samples, rate_hz, &cells, code_offset) {
             emit(Event::Notice(Notice::Slip { slip, rate_hz }));
             end = end.min(slip.after);
         }
-        found = region(end).refine_all(&cells, &asked);
+        found = region(end, code_offset).refine_all(&cells, &asked);
+        if let Some((more, sigma)) = common_code_offset(&refined(&found))
+            && more.abs() > SIGNIFICANT * sigma
+        {
+            code_offset += more;
+            found = region(end, code_offset).refine_all(&cells, &asked);
+        }
     }
     emit(Event::Found(found.iter().map(|f| f.refined).collect()));
     let sky = (head.block.channels() > 1).then(|| {
@@ -171,7 +206,7 @@ pub(super) fn acquire_head(
         }
         see(sky, &found, rate_hz, interference, options)
     });
-    Ok(HeadFound { found, sky })
+    Ok(HeadFound { found, sky, code_offset })
 }
 
 /// Windows of a deeper search: 16 of one channel, and with more channels half as many looks each.

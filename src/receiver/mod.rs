@@ -368,14 +368,13 @@ impl Receiver {
             Task::Track => {
                 let samples = length.min((REFINE_S * rate_hz) as u64);
                 let shown = acquire_head(&head, rate_hz, options, samples, interference, emit)?;
-                at_start(shown.sky).into_iter().for_each(&mut *emit);
+                at_start(shown.sky.clone()).into_iter().for_each(&mut *emit);
                 let known = self.stages.info().samples;
                 let is_all =
                     is_all || known.is_some_and(|n| (n as f64) < SHORTEST_TRACK_S * rate_hz);
                 self.snapshot = Some(SnapshotHead { samples, rate_hz, is_all });
                 if !is_all {
-                    let tracker =
-                        Tracker::new(head, &shown.found, interference, rate_hz, options, emit);
+                    let tracker = Tracker::new(head, &shown, interference, rate_hz, options, emit);
                     self.state = State::Tracking(Box::new(tracker));
                 }
             }
@@ -395,7 +394,8 @@ fn look_at(
     let survey = survey(&head.block, rate_hz, interference, options)?;
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
-    let region = Region { block, buffers, beams, rate_hz, start: 0, end: block.len() as u64 };
+    let (start, end) = (0, block.len() as u64);
+    let region = Region { block, buffers, beams, rate_hz, start, end, code_offset: 0.0 };
     let found = region.refine_all(&survey.cells, &options.search);
     emit(Event::Found(found.iter().map(|f| f.refined).collect()));
     survey.notices.into_iter().for_each(|notice| emit(Event::Notice(notice)));

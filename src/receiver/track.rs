@@ -58,13 +58,14 @@ impl Track {
         start: u64,
         held: &Block,
         rate_hz: f64,
+        code_offset: f64,
         options: &TrackingOptions,
     ) -> Self {
         let start = TrackStart::from_refined(&found.refined, start);
         let transmission = start.acquisition.transmission;
         Self {
             feed: found.spatial.as_ref().map(|(_, beam)| BeamFeed::new(beam.clone(), held)),
-            channel: Channel::new(&start, rate_hz, options.clone()),
+            channel: Channel::new(&start, rate_hz, options.clone()).with_code_offset(code_offset),
             decoder: transmission.decoder(),
             log: TrackLog::new(transmission),
             epochs: Vec::new(),
@@ -76,6 +77,15 @@ impl Track {
 
     pub(super) fn sv(&self) -> Sv {
         self.log.transmission.sv
+    }
+
+    /// What the code loop corrects, as a fraction of the chip rate, while the signal is there.
+    pub(super) fn code_correction(&self) -> Option<f64> {
+        (self.channel.lock() == LockState::Locked).then(|| self.channel.code_correction())
+    }
+
+    pub(super) fn set_code_offset(&mut self, code_offset: f64) {
+        self.channel.set_code_offset(code_offset);
     }
 
     pub(super) fn doppler_hz(&self) -> f64 {

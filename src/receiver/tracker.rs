@@ -4,7 +4,7 @@
 use super::clock::ReceiverClock;
 use super::event::{Event, Notice};
 use super::find::{BeamFormer, Found, Region, search};
-use super::head::{Head, deep_windows};
+use super::head::{Head, HeadFound, deep_windows};
 use super::resolve::{Tracks, receive_origin, round_time};
 use super::sky::manifold;
 use super::track::Track;
@@ -31,6 +31,9 @@ const SEARCH_AGAIN_S: f64 = 30.0;
 
 /// Doppler interval around the last known one in which a lost satellite is searched, Hz.
 const RETRY_HZ: f64 = 500.0;
+
+/// Share of the code loops' mean correction that becomes common to all in a chunk: all of it in some seconds.
+const CODE_OFFSET_GAIN: f64 = 0.05;
 
 /// Jumps of code phases that differ by less than this count as one loss of samples, s.
 const SLIP_AGREEMENT_S: f64 = 1.5e-6;
@@ -65,6 +68,8 @@ pub(super) struct Tracker {
     jumps: Vec<(u64, f64)>,
     /// The scale of the errors, from the epochs so far.
     sequence: Sequence,
+    /// By which fraction codes run faster than their carriers say.
+    code_offset: f64,
     next_retry_s: f64,
     next_search_s: f64,
     /// Whether nothing tells the week but the signals, modulo 1024.
@@ -75,15 +80,17 @@ impl Tracker {
     /// Tracks what was found in the head, from its first sample on.
     pub(super) fn new(
         head: Head,
-        found: &[Found],
+        shown: &HeadFound,
         interference: Option<&Interference>,
         rate_hz: f64,
         options: &ReceiverOptions,
         emit: &mut Emit,
     ) -> Self {
         let week = options.time.or_else(|| options.navigation.iter().map(|e| e.toe).next());
-        let new = |f: &Found| Track::new(f, 0, &head.block, rate_hz, &options.tracking);
-        let tracks: Vec<Track> = found.par_iter().map(new).collect();
+        let code_offset = shown.code_offset;
+        let new =
+            |f: &Found| Track::new(f, 0, &head.block, rate_hz, code_offset, &options.tracking);
+        let tracks: Vec<Track> = shown.found.par_iter().map(new).collect();
         for track in &tracks {
             emit(Event::Lock { sv: track.sv(), sample: 0, state: LockState::PullingIn });
         }
@@ -104,6 +111,7 @@ impl Tracker {
             jumps: Vec::new(),
             sequence: Sequence::default(),
             assumed_week: week.is_none(),
+            code_offset,
             next_retry_s: RETRY_S,
             next_search_s: SEARCH_AGAIN_S,
         }
@@ -123,6 +131,19 @@ impl Tracker {
             track.take(chunk);
             track.advance(buffer, instants);
         });
+        self.steer_codes();
+    }
+
+    /// What the code loops correct alike is no motion of a satellite: it goes to all, and to tracks that start, so that no
+    /// loop lags behind.
+    fn steer_codes(&mut self) {
+        let locked = self.tracks.iter().filter_map(Track::code_correction);
+        let (sum, count) = locked.fold((0.0, 0), |(sum, count), c| (sum + c, count + 1));
+        if count >= 4 {
+            self.code_offset += CODE_OFFSET_GAIN * sum / f64::from(count);
+            let offset = self.code_offset;
+            self.tracks.iter_mut().for_each(|track| track.set_code_offset(offset));
+        }
     }
 
     /// To be called when the tracks have reached the end of the samples held: reads messages, drops lost tracks and
@@ -265,13 +286,15 @@ impl Tracker {
         }
         let beams = &BeamFormer::new(options.beams, &self.chunk);
         let (block, buffers, rate_hz) = (&self.chunk, &self.buffers[..], self.rate_hz);
-        let region = Region { block, buffers, beams, rate_hz, start, end };
+        let code_offset = self.code_offset;
+        let region = Region { block, buffers, beams, rate_hz, start, end, code_offset };
         for found in region.refine_all(&cells, &options.search) {
-            let mut track = Track::new(&found, start, block, rate_hz, &options.tracking);
+            let mut track =
+                Track::new(&found, start, block, rate_hz, code_offset, &options.tracking);
             track.advance(&buffers[0], self.clock.instants());
             emit(Event::Lock { sv: track.sv(), sample: start, state: LockState::PullingIn });
             if let Some(lost) = self.lost.remove(&track.log.transmission) {
-                if let Some(jump) = track.log.continue_from(&lost.log, rate_hz) {
+                if let Some(jump) = track.log.continue_from(&lost.log, rate_hz, code_offset) {
                     self.jumps.push((start, jump));
                 }
                 self.ended.push(lost.log);

@@ -106,6 +106,8 @@ pub struct Channel {
     carrier_cycles: f64,
     /// Frequency of the carrier replica, Hz.
     carrier_hz: f64,
+    /// By which fraction the code runs faster than the carrier says, common to all satellites.
+    code_offset: f64,
     /// Correction of the delay-locked loop to the carrier's aid, chips/s.
     code_correction: f64,
     filter: CarrierFilter,
@@ -139,6 +141,7 @@ impl Channel {
             code_start: start.sample as f64 + wait_s * rate_hz,
             carrier_cycles: start.carrier_phase + doppler_hz * wait_s,
             carrier_hz: doppler_hz,
+            code_offset: 0.0,
             code_correction: 0.0,
             filter: CarrierFilter::new(doppler_hz, start.doppler_rate_hz_s),
             interval: Interval::default(),
@@ -146,6 +149,22 @@ impl Channel {
             lock: LockDetector::new(timing),
             symbols: SymbolSynchroniser::new(timing, start.symbol_edge.map(|e| e as u64)),
         }
+    }
+
+    /// The same, where codes run faster than their carriers say by a fraction common to all satellites.
+    #[must_use]
+    pub fn with_code_offset(self, code_offset: f64) -> Self {
+        Self { code_offset, ..self }
+    }
+
+    /// Changes that fraction from here on.
+    pub fn set_code_offset(&mut self, code_offset: f64) {
+        self.code_offset = code_offset;
+    }
+
+    /// The delay-locked loop's correction to what carrier and offset say, as a fraction of the chip rate.
+    pub fn code_correction(&self) -> f64 {
+        self.code_correction / self.transmission().signal.chip_rate_hz
     }
 
     /// The satellite and signal tracked.
@@ -219,7 +238,7 @@ impl Channel {
     ) {
         let transmission = self.transmission();
         loop {
-            let clock = transmission.clock(self.carrier_hz);
+            let clock = transmission.clock_beside(self.carrier_hz, self.code_offset);
             let chip_rate_hz = clock.chip_rate_hz + self.code_correction;
             let length = CodeClock { chip_rate_hz, ..clock }.period_samples(self.rate_hz);
             let end = self.code_start + length;

@@ -110,12 +110,13 @@ impl TrackLog {
     /// Dates this track by one of the same transmission that ended before: the transmit time advances by the
     /// samples between, and is rounded to whole code periods. Returns the rounding error, s: the jump of the
     /// code phase, which shows missing or repeated samples if all satellites have it.
-    pub fn continue_from(&mut self, before: &Self, rate_hz: f64) -> Option<f64> {
+    /// `code_offset`: by which fraction codes run faster than their carriers say.
+    pub fn continue_from(&mut self, before: &Self, rate_hz: f64, code_offset: f64) -> Option<f64> {
         let (old, new) = (before.last?, self.last?);
         let tow = before.tow_s(old.period, 0.0)?;
         let elapsed = (new.start_sample - old.start_sample) / rate_hz;
         let doppler = 0.5 * (old.doppler_hz + new.doppler_hz);
-        let expected = elapsed * (1.0 + doppler / self.transmission.carrier_hz());
+        let expected = elapsed * (1.0 + doppler / self.transmission.carrier_hz() + code_offset);
         let period_s = self.transmission.signal.period_s();
         let periods = (expected / period_s).round();
         self.anchor(new.period, tow + periods * period_s);
@@ -253,7 +254,7 @@ mod tests {
         let scale = 1.0 + 300.0 / SPEED_OF_LIGHT;
         let mut after = TrackLog::new(before.transmission);
         after.extend(&epochs(9.0 * scale - 100e-6, -300.0, 0..100), &QUALITY, &instants());
-        let jump = after.continue_from(&before, RATE).unwrap();
+        let jump = after.continue_from(&before, RATE, 0.0).unwrap();
         assert!((jump + 100e-6).abs() < 1e-9, "{jump}");
         assert!((after.tow_s(0, 0.0).unwrap() - 1009.0).abs() < 1e-9);
     }

@@ -232,10 +232,16 @@ impl Transmission {
         SymbolTiming { period_s: self.signal.period_s(), cycle }
     }
 
-    /// The code's clock at a Doppler of the carrier, Hz.
+    /// The code's clock at a Doppler of the carrier, Hz, where one oscillator drives mixer and sampler.
     pub fn clock(&self, doppler_hz: f64) -> CodeClock {
+        self.clock_beside(doppler_hz, 0.0)
+    }
+
+    /// The same where the code runs faster by the fraction `code_offset` than the carrier says: that of a mixer that
+    /// does not share the clock of the samples.
+    pub fn clock_beside(&self, doppler_hz: f64, code_offset: f64) -> CodeClock {
         let Signal { chip_rate_hz, chips, .. } = self.signal;
-        let chip_rate_hz = chip_rate_hz * (1.0 + doppler_hz / self.carrier_hz());
+        let chip_rate_hz = chip_rate_hz * (1.0 + doppler_hz / self.carrier_hz() + code_offset);
         CodeClock { chip_rate_hz, chips: *chips as f64 }
     }
 }

@@ -4,12 +4,13 @@
 //!
 //! ```text
 //! place   |x2 - x1 - T (v1 + v2)/2|  <=  k sqrt( tr(Q1 + Q2) + T^2 tr(Qv1 + Qv2)/4 + (J T^3/12)^2 )
-//! clock   |b2 - b1 - T (d1 + d2)/2|  <=  k sqrt( sb1^2 + sb2^2 + T^2 (sd1^2 + sd2^2)/4 + (A T^2/4)^2 ),  modulo 1 ms
+//! clock   |b2 - b1 - T (d1 + d2)/2 - m T|  <=  k sqrt( sb1^2 + sb2^2 + T^2 (sd1^2 + sd2^2)/4 + (A T^2/4)^2 ),  modulo 1 ms
 //! ```
 //!
 //! `k` = 8: 5.3 would be a false alarm of 1e-7 if errors were normal; the steps of real receivers have a kurtosis of
 //! 5.6. Q are the covariances of the fixes, velocities those of rates as scattered as this receiver's; `J` is the jerk of
-//! a vehicle, `A` the acceleration of a clock without compensation of temperature. Receivers that keep their clock within
+//! a vehicle, `A` the acceleration of a clock without compensation of temperature, `m` the median of what the bias does
+//! beyond the drift (mixer and sampler may have clocks of their own). Receivers that keep their clock within
 //! a millisecond let it jump by whole ones.
 
 use super::Candidates;
@@ -47,6 +48,8 @@ pub struct Sequence {
     ratios: VecDeque<f64>,
     /// Medians of the absolute residuals of their range rates, m/s.
     rates: VecDeque<f64>,
+    /// Steps of the clock's bias beyond its drift, m/s: what mixer and sampler differ by.
+    clocks: VecDeque<f64>,
     last: Option<Fix>,
 }
 
@@ -64,10 +67,12 @@ impl Sequence {
         // A fault now and then does not raise the 80 % quantile.
         let factor = quantile(&self.ratios, 0.8).map_or(1.0, |q| q.clamp(least, MOST));
         let mut fix = candidates.judge(factor)?;
-        if let Some(last) = &self.last
-            && let Some(doubt) = self.discontinuity(last, &fix)
-        {
-            (fix.integrity, fix.doubt) = (Integrity::Unverified, Some(doubt));
+        if let Some(last) = self.last.take() {
+            if let Some(doubt) = self.discontinuity(&last, &fix) {
+                (fix.integrity, fix.doubt) = (Integrity::Unverified, Some(doubt));
+            }
+            let rate = clock_step(&last, &fix).map(|(step_m, t)| step_m / t);
+            remember(&mut self.clocks, rate);
         }
         remember(&mut self.ratios, ratio);
         remember(&mut self.rates, rate_residual(&fix));
@@ -98,17 +103,25 @@ impl Sequence {
                 return Some(Doubt::Motion(off));
             }
         }
-        let clock = |fix: &Fix| {
-            let bias = fix.clock_bias_s? * SPEED_OF_LIGHT;
-            let sigma = fix.clock_bias_sigma_s? * SPEED_OF_LIGHT;
-            Some((bias, sigma, fix.clock_drift_sps? * SPEED_OF_LIGHT))
-        };
-        let ((b1, s1, d1), (b2, s2, d2)) = (clock(before)?, clock(fix)?);
-        let step = b2 - b1 - t * (d1 + d2) / 2.0;
-        let off = (step - (step / MILLISECOND_M).round() * MILLISECOND_M).abs();
+        let (step_m, _) = clock_step(before, fix)?;
+        let off = (step_m - quantile(&self.clocks, 0.5)? * t).abs();
+        let sigma = |fix: &Fix| fix.clock_bias_sigma_s.map(|sigma_s| sigma_s * SPEED_OF_LIGHT);
+        let biases = sigma(before)?.powi(2) + sigma(fix)?.powi(2);
         let drift = (CLOCK_MPS2 * t * t / 4.0).powi(2);
-        (off > K * (s1 * s1 + s2 * s2 + rates + drift).sqrt()).then_some(Doubt::Clock(off))
+        (off > K * (biases + rates + drift).sqrt()).then_some(Doubt::Clock(off))
     }
+}
+
+/// What the clock's bias did beyond its drift from one fix to the next, m, whole milliseconds taken out; and the time
+/// between, s.
+fn clock_step(before: &Fix, fix: &Fix) -> Option<(f64, f64)> {
+    let t = fix.time - before.time;
+    let step = fix.clock_bias_s?
+        - before.clock_bias_s?
+        - t * (fix.clock_drift_sps? + before.clock_drift_sps?) / 2.0;
+    let step_m = step * SPEED_OF_LIGHT;
+    let known = t > 0.0 && t <= LONGEST_S;
+    known.then(|| (step_m - (step_m / MILLISECOND_M).round() * MILLISECOND_M, t))
 }
 
 /// Median absolute residual of the range rates of a fix, m/s.
