@@ -5,6 +5,7 @@ use crate::array::{Bearing, Jammer, SkyEpoch};
 use crate::capture::Note;
 use crate::gnss::message::Update;
 use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use crate::gnss::{GpsTime, Sv};
 use crate::position::{Fix, PositioningError};
 use crate::tracking::LockState;
@@ -83,6 +84,11 @@ pub enum Notice {
     },
     /// The week is the latest that is not later than the program: the signals tell it modulo 1024 weeks.
     AssumedWeek(GpsTime),
+    /// Satellites were found only where all Dopplers are shifted alike: the Doppler in their middle, Hz.
+    Oscillator {
+        /// Their middle.
+        offset_hz: f64,
+    },
     /// Directions cannot be determined.
     NoDirections(String),
     /// Jammers were removed, from this time on.
@@ -131,6 +137,12 @@ impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Source(note) => note.fmt(f),
+            Self::Oscillator { offset_hz } => write!(
+                f,
+                "the oscillator is some {:+.0} ppm off: satellites were found around {:+.1} kHz of Doppler",
+                offset_hz / L1_CENTRE_HZ * 1e6,
+                offset_hz / 1e3
+            ),
             Self::AssumedWeek(time) => {
                 let date = time.utc_iso();
                 let date = date.split('T').next().unwrap_or_default();

@@ -106,6 +106,11 @@ const ENOUGH_SATELLITES: usize = 8;
 /// Signal that a mirrored spectrum is looked for in, s.
 const MIRROR_S: f64 = 0.1;
 
+/// With fewer sound satellites than this, Dopplers are searched so much farther either way: 10 ppm of the carrier.
+const FEW_SATELLITES: usize = 4;
+const SOUND_DBHZ: f64 = 30.0;
+const WIDE_HZ: f64 = 16e3;
+
 /// Standard deviations from which a common offset of the codes against the carriers is believed, and steps by which it
 /// is approached.
 const SIGNIFICANT: f64 = 5.0;
@@ -118,6 +123,8 @@ pub(super) struct HeadFound {
     pub(super) sky: Option<ArraySky>,
     /// By which fraction codes run faster than their carriers say.
     pub(super) code_offset: f64,
+    /// The Doppler interval in which satellites are.
+    pub(super) doppler_hz: (f64, f64),
 }
 
 fn refined(found: &[Found]) -> Vec<Refined> {
@@ -151,6 +158,22 @@ pub(super) fn acquire_head(
         search(&head.block, rate_hz, asked, searched, interference, &known)
     };
     let mut cells = search_rest(&asked)?;
+    // An oscillator that is some ppm off shifts all Dopplers alike: few satellites, or all near one end.
+    let sound = |cells: &[Acquisition]| cells.iter().filter(|c| c.cn0_dbhz > SOUND_DBHZ).count();
+    let (low, high) = asked.doppler_hz;
+    if sound(&cells) < FEW_SATELLITES && high - low < 2.0 * WIDE_HZ {
+        let wide = SearchOptions { doppler_hz: (low - WIDE_HZ, high + WIDE_HZ), ..asked.clone() };
+        let all = search_rest(&wide)?;
+        if sound(&all) > sound(&cells) {
+            let mut dopplers: Vec<f64> =
+                all.iter().filter(|c| c.cn0_dbhz > SOUND_DBHZ).map(|c| c.doppler_hz).collect();
+            dopplers.sort_by(f64::total_cmp);
+            let middle = dopplers[dopplers.len() / 2];
+            asked.doppler_hz = (low + middle, high + middle);
+            emit(Event::Notice(Notice::Oscillator { offset_hz: middle }));
+            cells = search_rest(&asked)?;
+        }
+    }
     let deep = asked.max_windows.max(deep_windows(searched));
     let deeper = deep > asked.max_windows && whole_ms > asked.coherent_ms * asked.max_windows;
     if cells.len() < ENOUGH_SATELLITES && deeper {
@@ -206,7 +229,7 @@ pub(super) fn acquire_head(
         }
         see(sky, &found, rate_hz, interference, options)
     });
-    Ok(HeadFound { found, sky, code_offset })
+    Ok(HeadFound { found, sky, code_offset, doppler_hz: asked.doppler_hz })
 }
 
 /// Windows of a deeper search: 16 of one channel, and with more channels half as many looks each.

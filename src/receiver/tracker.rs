@@ -70,6 +70,8 @@ pub(super) struct Tracker {
     sequence: Sequence,
     /// By which fraction codes run faster than their carriers say.
     code_offset: f64,
+    /// The Doppler interval in which satellites are searched.
+    doppler_hz: (f64, f64),
     next_retry_s: f64,
     next_search_s: f64,
     /// Whether nothing tells the week but the signals, modulo 1024.
@@ -112,6 +114,7 @@ impl Tracker {
             sequence: Sequence::default(),
             assumed_week: week.is_none(),
             code_offset,
+            doppler_hz: shown.doppler_hz,
             next_retry_s: RETRY_S,
             next_search_s: SEARCH_AGAIN_S,
         }
@@ -278,7 +281,7 @@ impl Tracker {
             let tracked = |k: &Transmission| {
                 self.tracks.iter().any(|t| t.log.transmission == *k) || self.lost.contains_key(k)
             };
-            let mut asked = options.search.clone();
+            let mut asked = SearchOptions { doppler_hz: self.doppler_hz, ..options.search.clone() };
             asked.satellites.retain(|k| !tracked(k));
             if !asked.satellites.is_empty() {
                 cells.extend(self.search_chunk(&asked)?);

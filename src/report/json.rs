@@ -1,7 +1,7 @@
 //! The `sdr-rx/1` JSON record. A field that does not apply is absent.
 
 use super::array_sky::{ArraySkyRecord, DirectionRecord, directions};
-use super::{Accuracy, Input, Run};
+use super::{Accuracy, Input, Oscillators, Run};
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
 use crate::front_end::ImpulseReport;
@@ -32,6 +32,8 @@ pub struct Document {
     #[serde(skip_serializing_if = "Option::is_none")]
     first_fix_s: Option<f64>,
     fixes: Vec<FixRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    oscillators: Option<Oscillators>,
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<Accuracy>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -165,6 +167,9 @@ impl Document {
             sbas: run.sbas.iter().map(SbasRecord::new).collect(),
             first_fix_s: run.first_fix_s,
             fixes: run.fixes.iter().map(|f| FixRecord::new(f, directions(run, f.sample))).collect(),
+            oscillators: Some(())
+                .filter(|()| matches!(run.input, Input::Samples(_)))
+                .and_then(|()| Oscillators::new(run.fixes)),
             accuracy: run.reference.as_ref().and_then(|r| Accuracy::new(run.fixes, r)),
             reason: run.reason.map(str::to_owned),
             warnings: run.warnings.to_vec(),

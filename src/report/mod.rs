@@ -33,7 +33,7 @@ pub use json::{Document, json};
 pub use kml::kml;
 pub use line_plot::{Curve, LinePlot};
 pub use nmea::nmea;
-pub use summary::{SatelliteInView, Summary, counted, satellites_in_view};
+pub use summary::{Oscillators, SatelliteInView, Summary, counted, satellites_in_view};
 pub use svg::{Dot, arrival_plot, dot_plot, east_north_plot, height_plot, sky_plot};
 pub use table::{acquisition_table, fix_table, noise_line, sky_plot_text};
 

@@ -3,6 +3,7 @@
 use super::Run;
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
+use crate::gnss::signal::L1_CENTRE_HZ;
 use crate::position::{Fix, Residual};
 use nalgebra::Vector3;
 
@@ -110,6 +111,37 @@ impl Summary {
             speed_mps,
             pdop: quantile(fixes.iter().map(|f| f.pdop).collect(), 0.5)?,
             offsets_m,
+        })
+    }
+}
+
+/// How the receiver's oscillators run.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Oscillators {
+    /// Rate of the sampling clock against the stated one, parts per million: the slope of the clock's bias.
+    pub sample_clock_ppm: f64,
+    /// By how much all carriers are seen higher than that explains, Hz: the mixer's own offset.
+    pub carrier_offset_hz: f64,
+}
+
+impl Oscillators {
+    /// From the fixes that count; none of fewer than five, or where their clocks are not known.
+    pub fn new(fixes: &[Fix]) -> Option<Self> {
+        let fixes = counted(fixes);
+        let first = fixes.first().filter(|_| fixes.len() >= 5)?;
+        let points = fixes.iter().map(|f| Some((f.time - first.time, f.clock_bias_s?)));
+        let points: Vec<(f64, f64)> = points.collect::<Option<_>>()?;
+        let count = points.len() as f64;
+        let mean = |part: fn(&(f64, f64)) -> f64| points.iter().map(part).sum::<f64>() / count;
+        let (t, b) = (mean(|p| p.0), mean(|p| p.1));
+        let products: f64 = points.iter().map(|p| (p.0 - t) * (p.1 - b)).sum();
+        let squares: f64 = points.iter().map(|p| (p.0 - t).powi(2)).sum();
+        let slope = products / squares;
+        let drifts: Option<Vec<f64>> = fixes.iter().map(|f| f.clock_drift_sps).collect();
+        let drift = quantile(drifts?, 0.5)?;
+        slope.is_finite().then_some(Self {
+            sample_clock_ppm: slope * 1e6,
+            carrier_offset_hz: (slope - drift) * L1_CENTRE_HZ,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Tables for the terminal.
 
-use super::{Accuracy, Run, SatelliteInView, Summary, counted};
+use super::{Accuracy, Input, Oscillators, Run, SatelliteInView, Summary, counted};
 use crate::acquisition::Acquisition;
 use crate::gnss::coordinates::Geodetic;
 use crate::position::{Doubt, Fix, Integrity};
@@ -153,6 +153,15 @@ pub fn fix_table(run: &Run) -> String {
             s.pdop, last.hdop, last.vdop
         ),
     );
+    if let (Input::Samples(_), Some(clocks)) = (run.input, Oscillators::new(run.fixes)) {
+        line(
+            "oscillator",
+            format!(
+                "sampling clock {:+.3} ppm, carrier {:+.0} Hz beside it",
+                clocks.sample_clock_ppm, clocks.carrier_offset_hz
+            ),
+        );
+    }
     let ambiguous = fixes.iter().filter(|f| !f.alternatives_m.is_empty()).count();
     if ambiguous > 0 {
         line(
