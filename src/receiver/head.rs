@@ -15,6 +15,7 @@ use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
+use crate::gnss::Transmission;
 
 /// Maximum number of samples of a head: of one channel, and of all together.
 const HEAD_SAMPLES: f64 = 8e6;
@@ -110,6 +111,9 @@ const MIRROR_S: f64 = 0.1;
 const FEW_SATELLITES: usize = 4;
 const SOUND_DBHZ: f64 = 30.0;
 const WIDE_HZ: f64 = 16e3;
+/// Where a sound satellite is this near an end of the interval, the others are searched beyond it.
+const NEAR_END_HZ: f64 = 700.0;
+const BEYOND_HZ: f64 = 5e3;
 
 /// Standard deviations from which a common offset of the codes against the carriers is believed, and steps by which it
 /// is approached.
@@ -172,6 +176,26 @@ pub(super) fn acquire_head(
             asked.doppler_hz = (low + middle, high + middle);
             emit(Event::Notice(Notice::Oscillator { offset_hz: middle }));
             cells = search_rest(&asked)?;
+        }
+    }
+    // One at an end: others are beyond it.
+    let (low, high) = asked.doppler_hz;
+    for (end, beyond) in [(high, (high, high + BEYOND_HZ)), (low, (low - BEYOND_HZ, low))] {
+        let is_near =
+            |c: &Acquisition| c.cn0_dbhz > SOUND_DBHZ && (c.doppler_hz - end).abs() < NEAR_END_HZ;
+        let is_new =
+            |t: &Transmission, cells: &[Acquisition]| cells.iter().all(|c| c.transmission != *t);
+        let mut rest = SearchOptions { doppler_hz: beyond, ..asked.clone() };
+        rest.satellites.retain(|t| is_new(t, &cells));
+        if high - low > 2.0 * WIDE_HZ || rest.satellites.is_empty() || !cells.iter().any(is_near) {
+            continue;
+        }
+        let mut more = search(&head.block, rate_hz, &rest, searched, interference, &cells)?;
+        more.retain(|c| c.cn0_dbhz > SOUND_DBHZ && is_new(&c.transmission, &cells));
+        if !more.is_empty() {
+            let (low, high) = asked.doppler_hz;
+            asked.doppler_hz = (low.min(beyond.0), high.max(beyond.1));
+            cells.extend(more);
         }
     }
     let deep = asked.max_windows.max(deep_windows(searched));

@@ -9,6 +9,7 @@ mod common;
 mod impulses;
 mod mistakes;
 mod navigation_fix;
+mod oscillator;
 mod program;
 mod real_captures;
 mod scenarios;
