@@ -82,6 +82,13 @@ pub enum Notice {
         /// The jump, s.
         jump_s: f64,
     },
+    /// The stream lacks samples, or holds some twice: the satellites, the tracks and the ranges agree on how many.
+    Lost {
+        /// The loss is between this time and the next fix, s from the first sample.
+        after_s: f64,
+        /// Signal that is missing, s; negative where samples are double.
+        lost_s: f64,
+    },
     /// The week is the latest that is not later than the program: the signals tell it modulo 1024 weeks.
     AssumedWeek(GpsTime),
     /// Satellites were found only where all Dopplers are shifted alike: the Doppler in their middle, Hz.
@@ -142,6 +149,16 @@ impl fmt::Display for Notice {
                 "the oscillator is some {:+.0} ppm off: satellites were found around {:+.1} kHz of Doppler",
                 offset_hz / L1_CENTRE_HZ * 1e6,
                 offset_hz / 1e3
+            ),
+            Self::Lost { after_s, lost_s } if *lost_s > 0.0 => write!(
+                f,
+                "{:.0} ms of samples are missing after {after_s:.1} s: all tracks were dated anew",
+                lost_s * 1e3
+            ),
+            Self::Lost { after_s, lost_s } => write!(
+                f,
+                "{:.0} ms of samples are double after {after_s:.1} s: all tracks were dated anew",
+                -lost_s * 1e3
             ),
             Self::AssumedWeek(time) => {
                 let date = time.utc_iso();

@@ -49,6 +49,8 @@ pub(super) struct Track {
     edge: Option<u64>,
     /// State of lock when last asked.
     reported: LockState,
+    /// Sample since which the dates do not fit the symbols.
+    pub(super) misfit_since: Option<u64>,
 }
 
 impl Track {
@@ -72,11 +74,17 @@ impl Track {
             symbols: Vec::new(),
             edge: None,
             reported: LockState::PullingIn,
+            misfit_since: None,
         }
     }
 
     pub(super) fn sv(&self) -> Sv {
         self.log.transmission.sv
+    }
+
+    /// By how many code periods the dates do not fit the symbols.
+    pub(super) fn misfit(&self) -> Option<i64> {
+        self.log.misfit(self.edge?, self.log.transmission.timing().cycle as u64)
     }
 
     /// What the code loop corrects, as a fraction of the chip rate, while the signal is there.
@@ -160,11 +168,7 @@ impl Track {
         let mut news = Vec::new();
         for symbol in self.symbols.drain(..) {
             let edge = symbol.first_period % cycle;
-            if let Some(before) = self.edge.replace(edge).filter(|&before| before != edge) {
-                // What the old edge dated is taken back: its symbols were those of the nearest new edge.
-                let half = cycle as i64 / 2;
-                let moved = (edge as i64 - before as i64 + half).rem_euclid(cycle as i64) - half;
-                self.log.move_anchors(moved);
+            if self.edge.replace(edge).is_some_and(|before| before != edge) {
                 if let Some(fresh) = self.log.transmission.decoder() {
                     *decoder = fresh;
                 }

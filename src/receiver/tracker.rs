@@ -15,9 +15,10 @@ use crate::array::sky::look::jammers;
 use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
+use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::message::{NavigationCollector, Update};
 use crate::gnss::navigation_data::UtcParameters;
-use crate::gnss::observation::ObservationEpoch;
+use crate::gnss::observation::{CodeRange, ObservationEpoch};
 use crate::gnss::{NavigationData, Sv, Transmission};
 use crate::position::{Sequence, candidates};
 use crate::tracking::{LockState, TrackLog, observation_epoch};
@@ -31,6 +32,20 @@ const SEARCH_AGAIN_S: f64 = 30.0;
 
 /// Doppler interval around the last known one in which a lost satellite is searched, Hz.
 const RETRY_HZ: f64 = 500.0;
+
+/// Tracks whose symbols move alike where samples are missing, and satellites that decide how many.
+const MANY: usize = 3;
+const NEEDED: usize = 5;
+/// Time after which a satellite whose dates alone do not fit its symbols is dated anew, s: by then the symbols of all
+/// would have moved.
+const ALONE_S: f64 = 1.5;
+/// Time after the last agreement, s, in which a loss explains a disagreement: then hand-over words have dated all anew.
+const FORGIVEN_S: f64 = 15.0;
+/// Largest loss that is looked for, ms, in steps of a symbol of LNAV, which the ranges have to decide.
+const MOST_LOST_MS: i64 = 3000;
+const SYMBOL_MS: i64 = 20;
+/// Difference of costs from which a loss is decided at two instants in a row: three standard deviations each.
+const DECIDED: f64 = 9.0;
 
 /// Share of the code loops' mean correction that becomes common to all in a chunk: all of it in some seconds.
 const CODE_OFFSET_GAIN: f64 = 0.05;
@@ -68,6 +83,11 @@ pub(super) struct Tracker {
     jumps: Vec<(u64, f64)>,
     /// The scale of the errors, from the epochs so far.
     sequence: Sequence,
+    /// The last instant that was examined, and the last at which all satellites agreed.
+    examined: Option<u64>,
+    agreed: Option<u64>,
+    /// The loss that the last instant spoke for, ms.
+    suspected: Option<i64>,
     /// By which fraction codes run faster than their carriers say.
     code_offset: f64,
     /// The Doppler interval in which satellites are searched.
@@ -76,6 +96,17 @@ pub(super) struct Tracker {
     next_search_s: f64,
     /// Whether nothing tells the week but the signals, modulo 1024.
     assumed_week: bool,
+}
+
+/// The observations of an epoch if all were sent so much later.
+fn dated_later(epoch: &ObservationEpoch, later_ms: i64) -> ObservationEpoch {
+    let mut epoch = epoch.clone();
+    for observation in &mut epoch.observations {
+        if let Some(CodeRange::Pseudorange(range_m)) = &mut observation.range {
+            *range_m -= later_ms as f64 * 1e-3 * SPEED_OF_LIGHT;
+        }
+    }
+    epoch
 }
 
 impl Tracker {
@@ -113,6 +144,9 @@ impl Tracker {
             jumps: Vec::new(),
             sequence: Sequence::default(),
             assumed_week: week.is_none(),
+            examined: None,
+            agreed: None,
+            suspected: None,
             code_offset,
             doppler_hz: shown.doppler_hz,
             next_retry_s: RETRY_S,
@@ -173,6 +207,7 @@ impl Tracker {
                 self.search_again(all, options, emit)?;
             }
         }
+        self.find_loss(options, emit);
         self.solve(options, emit);
         self.forget(options.history_s);
         Ok(())
@@ -313,6 +348,83 @@ impl Tracker {
             return Ok(Vec::new());
         }
         search(&self.chunk, self.rate_hz, options, self.searched, self.interference.as_ref(), &[])
+    }
+
+    /// Whether samples were lost or doubled since all satellites last agreed: if so, all is dated anew from there on.
+    ///
+    /// The symbols of all tracks then start elsewhere by the same part of a symbol, and all transmission times are off
+    /// by the same time: the satellites are placed where they were that time ago, which the ranges do not fit.
+    fn find_loss(&mut self, options: &ReceiverOptions, emit: &mut Emit) {
+        let end = self.samples();
+        let misfits: Vec<Option<i64>> = self.tracks.iter().map(Track::misfit).collect();
+        let known: Vec<i64> = misfits.iter().flatten().copied().collect();
+        let count = |m: i64| known.iter().filter(|&&other| other == m).count();
+        let moved = known.iter().copied().filter(|&m| m != 0);
+        let common = moved
+            .max_by_key(|&m| count(m))
+            .filter(|&m| count(m) >= MANY && 2 * count(m) > known.len());
+        for (track, misfit) in self.tracks.iter_mut().zip(&misfits) {
+            match misfit.filter(|&m| m != 0) {
+                None => track.misfit_since = None,
+                Some(misfit) => {
+                    let since = *track.misfit_since.get_or_insert(end);
+                    // Of one satellite alone: its dates came from a wrong edge.
+                    if common.is_none() && (end - since) as f64 > ALONE_S * self.rate_hz {
+                        track.log.redate(-misfit);
+                        track.misfit_since = None;
+                    }
+                }
+            }
+        }
+        let (Some(origin), rate_hz) = (self.clock.origin(), self.rate_hz) else { return };
+        let reached = self.tracks.iter().map(|t| t.log.reached()).fold(end as f64, f64::min);
+        let passed = self.clock.instants().iter().rev().find(|&&s| (s as f64) < reached);
+        let Some(&sample) = passed.filter(|&&s| self.examined.is_none_or(|examined| s > examined))
+        else {
+            return;
+        };
+        self.examined = Some(sample);
+        let logs = self.tracks.iter().map(|t| &t.log);
+        let Some(epoch) = observation_epoch(logs, sample, origin, rate_hz) else { return };
+        let (navigation, positioning) = (&self.navigation, &options.positioning);
+        let cost = |later_ms: i64| {
+            let epoch = dated_later(&epoch, later_ms);
+            let candidates = candidates(&epoch, navigation, positioning, &mut |_| ()).ok()?;
+            Some((candidates.cost()?, candidates.agree()))
+        };
+        let now = cost(0);
+        if common.is_none() && now.is_some_and(|(_, agree)| agree) {
+            (self.agreed, self.suspected) = (Some(sample), None);
+            return;
+        }
+        let recent = self.agreed.filter(|&at| (sample - at) as f64 <= FORGIVEN_S * rate_hz);
+        let (Some(agreed), true) = (recent, epoch.observations.len() >= NEEDED) else {
+            return;
+        };
+        let steps = (-MOST_LOST_MS / SYMBOL_MS..=MOST_LOST_MS / SYMBOL_MS)
+            .map(|k| k * SYMBOL_MS - common.unwrap_or(0));
+        let mut fits: Vec<(f64, bool, i64)> =
+            steps.filter_map(|ms| cost(ms).map(|(cost, agree)| (cost, agree, ms))).collect();
+        fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (Some(&(best, true, lost_ms)), second) = (fits.first(), fits.get(1)) else { return };
+        let decided = DECIDED * self.sequence.scale();
+        if lost_ms == 0 || second.is_some_and(|second| second.0 - best < decided) {
+            return;
+        }
+        // The code loops may still be on their way: two instants must say the same.
+        if self.suspected.replace(lost_ms) != Some(lost_ms) {
+            return;
+        }
+        let (after_s, lost_s) = (agreed as f64 / rate_hz, lost_ms as f64 * 1e-3);
+        emit(Event::Notice(Notice::Lost { after_s, lost_s }));
+        for (track, misfit) in self.tracks.iter_mut().zip(misfits) {
+            // One that has read a hand-over word since is dated already.
+            if common.is_none() || misfit == common {
+                let period_s = track.log.transmission.signal.period_s();
+                track.log.redate_after(agreed, (lost_s / period_s).round() as i64);
+            }
+        }
+        (self.agreed, self.suspected) = (Some(sample), None);
     }
 
     /// Solves the instants that all tracks have passed; before the first fix only the newest of them. Each fix

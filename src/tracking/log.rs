@@ -95,11 +95,30 @@ impl TrackLog {
         }
     }
 
-    /// Moves what is dated by so many code periods, where symbols turn out to start that much later.
-    pub fn move_anchors(&mut self, periods: i64) {
-        for (period, _) in &mut self.anchors {
-            *period = period.saturating_add_signed(periods);
-        }
+    /// By how many code periods the dates put the symbols that start at `edge` (modulo their `cycle`) after whole
+    /// symbols: 0 where dates and symbols agree.
+    pub fn misfit(&self, edge: u64, cycle: u64) -> Option<i64> {
+        let last = self.last?.period;
+        let period = last - (last + cycle - edge % cycle) % cycle;
+        let periods = self.tow_s(period, 0.0)? / self.transmission.signal.period_s();
+        let off = (periods.round() as i64).rem_euclid(cycle as i64);
+        Some(if off >= cycle as i64 / 2 { off - cycle as i64 } else { off })
+    }
+
+    /// Dates all by so many code periods later.
+    pub fn redate(&mut self, periods: i64) {
+        let later_s = periods as f64 * self.transmission.signal.period_s();
+        self.anchors.iter_mut().for_each(|(_, tow_s)| *tow_s += later_s);
+    }
+
+    /// Dates what was measured after a sample by so many code periods later.
+    pub fn redate_after(&mut self, sample: u64, periods: i64) {
+        let first = self.measurements.iter().find(|m| m.sample > sample).map(|m| m.period);
+        let Some(period) = first.or(self.last.map(|last| last.period)) else { return };
+        let later_s = periods as f64 * self.transmission.signal.period_s();
+        let Some(tow_s) = self.tow_s(period, 0.0) else { return };
+        self.anchors.retain(|a| a.0 < period);
+        self.anchors.push((period, tow_s + later_s));
     }
 
     /// Whether any period's time of transmission is known.

@@ -159,6 +159,16 @@ impl<'a> Candidates<'a> {
         Some(all.cost / all.redundancy as f64)
     }
 
+    /// Weighted sum of squared residuals of all satellites; none without redundancy.
+    pub fn cost(&self) -> Option<f64> {
+        self.hypotheses.faultless().filter(|all| all.redundancy > 0).map(|all| all.cost)
+    }
+
+    /// Whether all satellites pass the chi-square test together.
+    pub fn agree(&self) -> bool {
+        self.hypotheses.agree()
+    }
+
     /// The position, if variances are `factor` times what the error model has; tests and protection levels take
     /// them as at least that of the model.
     ///

@@ -188,6 +188,11 @@ impl<'a> Hypotheses<'a> {
         self.list.first().filter(|h| h.faulty == 0)
     }
 
+    /// Whether all satellites pass the test together.
+    pub fn agree(&self) -> bool {
+        self.faultless().is_some_and(|all| all.redundancy > 0 && all.passes(1.0))
+    }
+
     /// Whether a hypothesis explains the observations.
     pub fn explain(&self) -> bool {
         self.best(1.0).is_some()

@@ -80,6 +80,12 @@ impl Sequence {
         Ok(fix)
     }
 
+    /// Scale of the variances of this receiver's ranges against the error model, as its last epochs show it; 1 while they
+    /// are too few.
+    pub fn scale(&self) -> f64 {
+        quantile(&self.ratios, 0.8).map_or(1.0, |q| q.clamp(LEAST_WITHOUT_IONOSPHERE, MOST))
+    }
+
     /// Standard deviation of a range rate, m/s.
     fn rate_sigma(&self) -> f64 {
         // 1.48 median absolute residuals are a standard deviation if normal; their tails are three times as wide.
