@@ -39,6 +39,8 @@ const NEEDED: usize = 5;
 /// Time after which a satellite whose dates alone do not fit its symbols is dated anew, s: by then the symbols of all
 /// would have moved.
 const ALONE_S: f64 = 1.5;
+/// Time after the last agreement, s, in which the code loops follow the satellites that have moved on.
+const SETTLING_S: f64 = 1.2;
 /// Time after the last agreement, s, in which a loss explains a disagreement: then hand-over words have dated all anew.
 const FORGIVEN_S: f64 = 15.0;
 /// Largest loss that is looked for, ms, in steps of a symbol of LNAV, which the ranges have to decide.
@@ -416,14 +418,19 @@ impl Tracker {
             return;
         }
         let (after_s, lost_s) = (agreed as f64 / rate_hz, lost_ms as f64 * 1e-3);
+        let settled = agreed + (SETTLING_S * rate_hz) as u64;
         emit(Event::Notice(Notice::Lost { after_s, lost_s }));
         for (track, misfit) in self.tracks.iter_mut().zip(misfits) {
             // One that has read a hand-over word since is dated already.
             if common.is_none() || misfit == common {
                 let period_s = track.log.transmission.signal.period_s();
-                track.log.redate_after(agreed, (lost_s / period_s).round() as i64);
+                let periods = (lost_s / period_s).round() as i64;
+                track.log.redate_after(agreed, periods);
             }
         }
+        let logs = self.tracks.iter_mut().map(|track| &mut track.log);
+        let logs = logs.chain(self.lost.values_mut().map(|lost| &mut lost.log));
+        logs.chain(&mut self.ended).for_each(|log| log.forget_between(agreed, settled));
         (self.agreed, self.suspected) = (Some(sample), None);
     }
 

@@ -111,6 +111,11 @@ impl TrackLog {
         self.anchors.iter_mut().for_each(|(_, tow_s)| *tow_s += later_s);
     }
 
+    /// Forgets what was measured after a sample and up to another.
+    pub fn forget_between(&mut self, after: u64, until: u64) {
+        self.measurements.retain(|m| m.sample <= after || m.sample > until);
+    }
+
     /// Dates what was measured after a sample by so many code periods later.
     pub fn redate_after(&mut self, sample: u64, periods: i64) {
         let first = self.measurements.iter().find(|m| m.sample > sample).map(|m| m.period);

@@ -7,6 +7,7 @@ mod brute_force;
 #[path = "../common/mod.rs"]
 mod common;
 mod impulses;
+mod losses;
 mod mistakes;
 mod navigation_fix;
 mod oscillator;
