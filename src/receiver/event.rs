@@ -37,7 +37,7 @@ pub enum Event {
     /// The measurements of one instant, once time is known.
     Observed(ObservationEpoch),
     /// A position, with the navigation data known so far.
-    Fix(Fix),
+    Fix(Box<Fix>),
     /// An instant that was measured and gave no position.
     NoFix {
         /// The instant.

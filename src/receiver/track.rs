@@ -168,10 +168,10 @@ impl Track {
         let mut news = Vec::new();
         for symbol in self.symbols.drain(..) {
             let edge = symbol.first_period % cycle;
-            if self.edge.replace(edge).is_some_and(|before| before != edge) {
-                if let Some(fresh) = self.log.transmission.decoder() {
-                    *decoder = fresh;
-                }
+            if self.edge.replace(edge).is_some_and(|before| before != edge)
+                && let Some(fresh) = self.log.transmission.decoder()
+            {
+                *decoder = fresh;
             }
             let Some(page) = decoder.push(symbol.value, symbol.first_period / cycle) else {
                 continue;

@@ -472,7 +472,7 @@ impl Tracker {
             match solved {
                 Ok(fix) => {
                     self.clock.steer(&fix, end);
-                    emit(Event::Fix(fix));
+                    emit(Event::Fix(Box::new(fix)));
                 }
                 Err(error) => emit(Event::NoFix { sample: sample as f64, error }),
             }

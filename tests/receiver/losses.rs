@@ -39,7 +39,7 @@ fn samples_that_are_lost_or_double_are_told_and_make_no_fix_wrong() -> Tested {
             },
             ..ReceiverOptions::default()
         };
-        let mut source = capture::open(&[file.clone()], &open)?;
+        let mut source = capture::open(std::slice::from_ref(&file), &open)?;
         let record = receiver::process(source.as_mut(), &options, &mut |_| ())?;
         std::fs::remove_file(&file)?;
         for fix in &record.fixes {

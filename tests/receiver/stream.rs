@@ -57,7 +57,7 @@ impl Streamed {
 
     fn fixes(&self) -> impl Iterator<Item = (u64, &Fix)> {
         self.events.iter().filter_map(|(pushed, event)| match event {
-            Event::Fix(fix) => Some((*pushed, fix)),
+            Event::Fix(fix) => Some((*pushed, &**fix)),
             _ => None,
         })
     }

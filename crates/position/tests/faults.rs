@@ -41,7 +41,7 @@ fn station(
     truth_m: Option<Vector3<f64>>,
     troposphere: Troposphere,
 ) -> Result<Station, Failed> {
-    let reader = rinex_obs::open(&folder.join(obs))?;
+    let reader = rinex_obs::open(folder.join(obs))?;
     let stated_m = reader.header().approximate_position_m;
     Ok(Station {
         name,
@@ -324,7 +324,7 @@ fn files_with_one_fault_are_right_or_refused() -> Result<(), Failed> {
     let nav = rinex_nav::read(data.join("obs/matrtklib-static/base.nav"))?;
     let mut files = 0;
     for entry in std::fs::read_dir(data.join("cases/wrong-exclusion"))? {
-        let reader = rinex_obs::open(&entry?.path())?;
+        let reader = rinex_obs::open(entry?.path())?;
         let truth_m = reader.header().approximate_position_m.ok_or("no position")?;
         for epoch in reader {
             let epoch = epoch?;
