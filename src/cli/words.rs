@@ -46,6 +46,9 @@ pub fn notice(notice: &Notice) -> String {
         Notice::Mirrored => {
             format!("{notice}; read it with --conjugate (or without, if it was given)")
         }
+        Notice::Oscillator { .. } => format!(
+            "{notice}; a wrong --if looks the same, and a larger --doppler-max finds them at once"
+        ),
         Notice::AssumedWeek(_) => format!("{notice}; --time, or --nav of that day, would"),
         _ => notice.to_string(),
     }
