@@ -2,7 +2,7 @@
 //! show several satellites are reported.
 
 use crate::acquisition::search::searched_signal;
-use crate::acquisition::{SearchOptions, SearchPlan, remove_cross_correlations};
+use crate::acquisition::{SearchOptions, SearchPlan};
 use crate::capture::{Block, OpenOptions, SampleSource, StreamInfo};
 use crate::front_end::{Conditioner, ImpulseSuppressor, LevelMeter, Suppression};
 
@@ -165,7 +165,6 @@ fn satellites(mut source: Box<dyn SampleSource>, search: &SearchOptions) -> Opti
     let plan = SearchPlan::new(conditioner.info().rate_hz, search.clone()).ok()?;
     let samples = if block.channels() > 0 { block.channel(0) } else { &[] };
     let mut found = plan.search(samples).ok()?;
-    remove_cross_correlations(&mut found, search.coherent_ms, plan.windows(samples.len()));
     found.retain(|a| a.cn0_dbhz >= SOUND_DBHZ);
     Some(Seen { count: found.len(), total_dbhz: found.iter().map(|a| a.cn0_dbhz).sum() })
 }

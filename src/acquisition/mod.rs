@@ -1,9 +1,7 @@
 //! Acquisition: which satellites are present, at which Doppler and code phase.
 //!
 //! [`SearchPlan`] searches every code phase and Doppler over a few tens of milliseconds, [`Refiner`] then
-//! measures what was found to a fraction of a chip and of a hertz over the whole signal available, and
-//! [`remove_cross_correlations`] removes detections that are only the cross-correlation with a stronger
-//! satellite.
+//! measures what was found to a fraction of a chip and of a hertz over the whole signal available.
 
 mod consistency;
 mod cross_correlation;
@@ -11,12 +9,14 @@ mod refine;
 pub(crate) mod search;
 mod snapshot;
 pub mod statistics;
+mod subtract;
 
 pub use consistency::{MissingSamples, common_code_offset, find_missing_samples, is_mirrored};
-pub use cross_correlation::remove_cross_correlations;
 pub use refine::{Refined, Refiner};
+pub(crate) use search::masking;
 pub use search::{AcquisitionError, SearchOptions, SearchPlan};
 pub use snapshot::snapshot_epoch;
+pub(crate) use subtract::subtract;
 
 use crate::gnss::{Sv, Transmission};
 

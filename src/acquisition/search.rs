@@ -5,8 +5,14 @@
 //! of a C/A code), since exp(-j 2 pi (c/T) m T) = 1 for whole periods m; within the period c/T is a shift of
 //! the spectrum by c lines. Cost: 2K forward FFTs of N per window, and then one inverse FFT of N per
 //! satellite, Doppler, window and channel, which dominates.
+//!
+//! The noise is what the samples show, not white noise by assumption. Each window counts by its own power, and one of
+//! zeros not at all. Each row (code, Doppler) is compared with its own mean. Where the powers of a row vary more from
+//! cell to cell than those of noise do, as under a carrier or a strong satellite, it has as many looks as its spread
+//! shows ([`super::statistics`]).
 
-use super::{Acquisition, statistics};
+use super::subtract::subtract;
+use super::{Acquisition, cross_correlation, statistics};
 use crate::gnss::{Signal, Sv, Transmission, signal};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -102,21 +108,61 @@ pub struct SearchPlan {
     codes: Vec<Vec<Complex32>>,
 }
 
-/// The spectra of the folded windows, by window of each channel and fraction of the spacing of the lines.
+/// Standard deviations by which the spread of a row exceeds that of noise before it is not noise.
+const SPREAD_SIGMAS: f64 = 4.0;
+/// Independent powers in a row, per chip: the correlation of chips is a triangle, whose square has an area of 2/3.
+const POWERS_PER_CHIP: f64 = 1.5;
+/// Chips either side of a peak that do not count as noise.
+const PEAK_CHIPS: f64 = 1.5;
+/// Up to this mean power of its cross-correlations (of the noise's) in a row, a satellite's own level and codes say
+/// which cell it explains; above, the spread of the row decides.
+const MINOR_CROSS_CORRELATION: f64 = 1.0;
+/// Relative variance of the cross-correlations of two codes from cell to cell, at most: at equal Dopplers they have
+/// three values (Kaplan & Hegarty, 3rd ed., 3.3.3).
+const CROSS_CORRELATION_SPREAD: f64 = 3.0;
+
+/// The spectra of the folded windows, by look (a window of a channel) and fraction of the spacing of the lines.
 struct Folded {
-    /// `[channel][window][fraction][bin]`, flattened.
+    /// `[look][fraction][bin]`, flattened; each look of mean power 1 before it was folded.
     spectra: Vec<Complex32>,
-    windows: usize,
-    looks: usize,
+    /// The window of each look.
+    windows: Vec<usize>,
 }
 
-/// The best cell of one satellite.
+/// The best cell of a row.
+#[derive(Clone, Copy)]
 struct Peak {
-    statistic: f64,
-    /// Power per window over that of the noise.
-    power: f64,
-    doppler_hz: f64,
+    /// Doppler, in steps.
+    index: i64,
     bin: usize,
+    /// Power over the mean of its row, times the number of looks.
+    statistic: f64,
+    /// Logarithm of the probability that noise of the row's spread reaches it in one cell.
+    ln_false_alarm: f64,
+    /// Power over that of the noise.
+    power: f64,
+    /// Relative variance of the other cells of the row.
+    spread: f64,
+}
+
+/// The best cells of one satellite.
+struct Best {
+    /// Of the rows in which noise does not reach it.
+    sound: Option<Peak>,
+    /// Of the rows that vary too much for that, and in which white noise would not reach it.
+    doubtful: Option<Peak>,
+    /// Noise: the sum over the cells of the median row.
+    floor: f64,
+}
+
+/// A satellite of a search: what was found, and its code's spectrum.
+struct Candidate<'a> {
+    acquisition: Acquisition,
+    index: i64,
+    bin: usize,
+    /// Power over that of the noise.
+    power: f64,
+    code: std::borrow::Cow<'a, [Complex32]>,
 }
 
 impl SearchPlan {
@@ -148,12 +194,7 @@ impl SearchPlan {
         let codes = options
             .satellites
             .iter()
-            .map(|transmission| {
-                let mut spectrum = sampled_code(&transmission.code(), bins);
-                forward.process(&mut spectrum);
-                spectrum.iter_mut().for_each(|c| *c = c.conj());
-                spectrum
-            })
+            .map(|transmission| code_spectrum(*transmission, bins, &*forward))
             .collect();
         let (period_s, chips) = (signal.period_s(), signal.chips as f64);
         let periods = (options.coherent_ms as f64 * 1e-3 / period_s).round().max(1.0) as usize;
@@ -189,20 +230,49 @@ impl SearchPlan {
 
     /// Threshold of the statistic after `windows` non-coherent sums.
     pub fn threshold(&self, windows: usize) -> f64 {
-        statistics::threshold(self.options.false_alarm, windows, self.cells())
+        statistics::threshold(self.options.false_alarm, windows as f64, self.cells())
     }
 
-    /// Searches the samples of one channel (baseband) and returns the satellites whose statistic passes the
-    /// threshold, strongest first.
+    /// Searches the samples of one channel (baseband) and returns the satellites that noise, or the cross-correlation
+    /// with a stronger one, would show less often than the false-alarm probability has it, strongest first.
     pub fn search(&self, samples: &[Complex32]) -> Result<Vec<Acquisition>, AcquisitionError> {
-        self.search_channels(&[samples])
+        self.search_channels(&[samples], &[])
     }
 
     /// The same over all channels of an array, whose powers are summed: no geometry is needed. The channels
-    /// are of one length and have equal noise floors. The C/N0 is that of one element.
+    /// are of one length and have equal noise floors. The C/N0 is that of one element. Of satellites `known`
+    /// beforehand (code phases at the first sample) the cross-correlations are not returned.
+    ///
+    /// Satellites whose cross-correlations exceed the noise are subtracted, and the others searched once more.
     pub fn search_channels(
         &self,
         channels: &[&[Complex32]],
+        known: &[Acquisition],
+    ) -> Result<Vec<Acquisition>, AcquisitionError> {
+        let mut found = self.search_once(channels, known, &[])?;
+        let all: Vec<Acquisition> = found.iter().chain(known).copied().collect();
+        let strong = masking(&all, self.periods as f64 * self.period_s);
+        if strong.is_empty() {
+            return Ok(found);
+        }
+        let used = self.windows(channels[0].len()) * self.window_len();
+        let mut rest: Vec<Vec<Complex32>> = channels.iter().map(|c| c[..used].to_vec()).collect();
+        subtract(&mut rest, self.rate_hz, &strong, 2.0 * self.doppler_step(), 0.0);
+        let rest: Vec<&[Complex32]> = rest.iter().map(Vec::as_slice).collect();
+        let is_strong = |a: &Acquisition| strong.iter().any(|s| s.transmission == a.transmission);
+        found.retain(is_strong);
+        let known: Vec<_> = known.iter().filter(|a| !is_strong(a)).copied().collect();
+        found.extend(self.search_once(&rest, &known, &strong)?);
+        found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
+        Ok(found)
+    }
+
+    /// One pass for the satellites that are not among `skipped`.
+    fn search_once(
+        &self,
+        channels: &[&[Complex32]],
+        known: &[Acquisition],
+        skipped: &[Acquisition],
     ) -> Result<Vec<Acquisition>, AcquisitionError> {
         let samples = channels.first().copied().unwrap_or(&[]);
         let need = self.window_len();
@@ -216,61 +286,163 @@ impl SearchPlan {
             });
         }
         let folded = self.fold(channels, windows);
-        let looks = folded.looks;
+        let looks = folded.windows.len();
+        let is_wanted =
+            |k: &usize| skipped.iter().all(|s| s.transmission != self.options.satellites[*k]);
+        let wanted: Vec<usize> = (0..self.codes.len()).filter(is_wanted).collect();
+        if looks == 0 || wanted.is_empty() {
+            return Ok(Vec::new());
+        }
         let threshold = self.threshold(looks);
-        let peaks: Vec<Peak> = self
-            .codes
+        let best: Vec<Best> = wanted
             .par_iter()
-            .zip(&self.options.satellites)
-            .map(|(code, t)| self.search_one(code, t.cycles_per_chip(), &folded))
+            .map(|&k| {
+                let cycles_per_chip = self.options.satellites[k].cycles_per_chip();
+                self.search_one(&self.codes[k], cycles_per_chip, &folded, threshold)
+            })
             .collect();
-        let mut found: Vec<Acquisition> = self
-            .options
-            .satellites
-            .iter()
-            .zip(peaks)
-            .filter(|(_, peak)| peak.statistic > threshold)
-            .map(|(&transmission, peak)| self.acquisition(transmission, &peak, looks))
+        let mut floors: Vec<f64> = best.iter().map(|b| b.floor).collect();
+        let (_, &mut floor, _) = floors.select_nth_unstable_by(best.len() / 2, f64::total_cmp);
+        let candidate = |(k, peak): (usize, Peak)| Candidate {
+            acquisition: self.acquisition(self.options.satellites[k], &peak),
+            index: peak.index,
+            bin: peak.bin,
+            power: peak.power,
+            code: self.codes[k].as_slice().into(),
+        };
+        let own = |pick: fn(&Best) -> Option<Peak>| {
+            wanted.iter().zip(&best).filter_map(move |(&k, b)| Some((k, pick(b)?)))
+        };
+        let mut found: Vec<Candidate> = own(|b| b.sound).map(candidate).collect();
+        found.extend(known.iter().filter_map(|a| self.known(a, &folded, floor)));
+        let is_alike = |peak: &Peak| self.is_cross_correlation_minor(peak, &found, &folded, floor);
+        let more: Vec<Candidate> = own(|b| b.doubtful.filter(|_| b.sound.is_none()))
+            .filter(|(_, peak)| is_alike(peak))
+            .map(candidate)
             .collect();
-        found.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
-        Ok(found)
+        found.extend(more);
+        found.sort_by(|a, b| b.power.total_cmp(&a.power));
+        let mut kept: Vec<Candidate> = Vec::new();
+        for weak in found {
+            let explains = |strong: &Candidate| self.explains(strong, &weak, &folded, floor);
+            if !kept.iter().any(explains) {
+                kept.push(weak);
+            }
+        }
+        let is_new = |a: &Acquisition| known.iter().all(|k| k.transmission != a.transmission);
+        Ok(kept.iter().map(|c| c.acquisition).filter(is_new).collect())
     }
 
-    fn acquisition(&self, transmission: Transmission, peak: &Peak, looks: usize) -> Acquisition {
+    fn acquisition(&self, transmission: Transmission, peak: &Peak) -> Acquisition {
         let delay = peak.bin as f64 / self.bins as f64 * self.chips;
         let snr = (peak.power - 1.0).max(1e-3);
+        let cell = peak.ln_false_alarm.exp().min(1.0);
         Acquisition {
             transmission,
-            doppler_hz: peak.doppler_hz,
+            doppler_hz: peak.index as f64 * self.doppler_step(),
             code_phase_chips: (self.chips - delay) % self.chips,
             cn0_dbhz: 10.0 * (snr * (1.0 / self.period_s) / self.periods as f64).log10(),
             statistic: peak.statistic,
-            false_alarm: statistics::search_false_alarm(peak.statistic, looks, self.cells()),
+            false_alarm: -(self.cells() * (-cell).ln_1p()).exp_m1(),
         }
+    }
+
+    /// A satellite that is known to be there.
+    fn known(&self, a: &Acquisition, folded: &Folded, floor: f64) -> Option<Candidate<'static>> {
+        let Signal { chips, chip_rate_hz, .. } = *a.transmission.signal;
+        let own = self.options.satellites[0].signal;
+        if (chips, chip_rate_hz) != (own.chips, own.chip_rate_hz) {
+            return None;
+        }
+        let delay = (self.chips - a.code_phase_chips) / self.chips * self.bins as f64;
+        let mut candidate = Candidate {
+            acquisition: *a,
+            index: (a.doppler_hz / self.doppler_step()).round() as i64,
+            bin: delay.round() as usize % self.bins,
+            power: 0.0,
+            code: code_spectrum(a.transmission, self.bins, &*self.forward).into(),
+        };
+        candidate.power = self.cell_power(&candidate, candidate.index, folded, floor);
+        Some(candidate)
+    }
+
+    /// Whether the powers of a row vary from cell to cell as noise does to which the cross-correlations of these
+    /// satellites, all weak, are added.
+    fn is_cross_correlation_minor(
+        &self,
+        peak: &Peak,
+        satellites: &[Candidate],
+        folded: &Folded,
+        floor: f64,
+    ) -> bool {
+        let means = satellites.iter().map(|s| {
+            (self.cell_power(s, self.nearest_row(s, peak.index), folded, floor) - 1.0).max(0.0)
+                / self.chips
+        });
+        let (mean, squares) = means.fold((0.0, 0.0), |(m, q), p| (m + p, q + p * p));
+        let noise = (1.0 + 2.0 * mean) / folded.windows.len() as f64;
+        let expected = (noise + CROSS_CORRELATION_SPREAD * squares) / (1.0 + mean).powi(2);
+        mean < MINOR_CROSS_CORRELATION && peak.spread < expected * (1.0 + self.spread_error())
+    }
+
+    /// Whether the cross-correlation with a stronger satellite explains a cell.
+    fn explains(&self, strong: &Candidate, weak: &Candidate, folded: &Folded, floor: f64) -> bool {
+        // No two C/A codes correlate to more than -19 dB at any Doppler.
+        if strong.power < cross_correlation::MIN_SUPPRESSION * (weak.power - 1.0) {
+            return false;
+        }
+        // As much of the stronger one as is in the same fraction of the spacing of the lines, data included.
+        let row = self.nearest_row(strong, weak.index);
+        let there = (self.cell_power(strong, row, folded, floor) - 1.0).max(0.0);
+        let lines = (row - weak.index) / (2 * self.periods as i64);
+        let share = cross_correlation::cross_power(&strong.acquisition, &weak.acquisition, lines);
+        cross_correlation::explains(there * share, weak.power - 1.0, folded.windows.len())
+    }
+
+    /// The row nearest to a satellite of those with the fraction of the spacing of the lines of row `index`.
+    fn nearest_row(&self, satellite: &Candidate, index: i64) -> i64 {
+        let fractions = 2 * self.periods as i64;
+        let lines = (satellite.index - index) as f64 / fractions as f64;
+        index + lines.round() as i64 * fractions
+    }
+
+    /// Standard deviations, times how many count, of the measured relative variance of a row of noise.
+    fn spread_error(&self) -> f64 {
+        SPREAD_SIGMAS * 2.0 / (POWERS_PER_CHIP * self.chips).sqrt()
     }
 
     /// Folds each window to one code period for every fraction of the spacing of the lines, and transforms
     /// it.
     fn fold(&self, channels: &[&[Complex32]], windows: usize) -> Folded {
         let (bins, periods) = (self.bins, self.periods);
+        let looks: Vec<(usize, Vec<Complex32>)> = (0..windows * channels.len())
+            .into_par_iter()
+            .filter_map(|look| {
+                let mut sorted = self.sort_into_bins(channels[look / windows], look % windows);
+                let power = sorted.iter().map(|x| f64::from(x.norm_sqr())).sum::<f64>();
+                let scale = (sorted.len() as f64 / power).sqrt() as f32;
+                sorted.iter_mut().for_each(|x| *x *= scale);
+                (power > 0.0 && scale.is_finite()).then_some((look % windows, sorted))
+            })
+            .collect();
         let fractions = 2 * periods;
-        let looks = windows * channels.len();
-        let mut spectra = vec![Complex32::ZERO; looks * fractions * bins];
-        spectra.par_chunks_exact_mut(fractions * bins).enumerate().for_each(|(look, spectra)| {
-            let sorted = self.sort_into_bins(channels[look / windows], look % windows);
-            for (fraction, folded) in spectra.chunks_exact_mut(bins).enumerate() {
-                let doppler = fraction as f64 * self.doppler_step();
-                for (period, row) in sorted.chunks_exact(bins).enumerate() {
-                    let turn = phasor(doppler * period as f64 * self.period_s);
-                    folded.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * turn);
+        let mut spectra = vec![Complex32::ZERO; looks.len() * fractions * bins];
+        spectra.par_chunks_exact_mut(fractions * bins).zip(&looks).for_each(
+            |(spectra, (_, sorted))| {
+                for (fraction, folded) in spectra.chunks_exact_mut(bins).enumerate() {
+                    let doppler = fraction as f64 * self.doppler_step();
+                    for (period, row) in sorted.chunks_exact(bins).enumerate() {
+                        let turn = phasor(doppler * period as f64 * self.period_s);
+                        folded.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * turn);
+                    }
+                    for (bin, sum) in folded.iter_mut().enumerate() {
+                        *sum *= phasor(doppler * bin as f64 / bins as f64 * self.period_s);
+                    }
+                    self.forward.process(folded);
                 }
-                for (bin, sum) in folded.iter_mut().enumerate() {
-                    *sum *= phasor(doppler * bin as f64 / bins as f64 * self.period_s);
-                }
-                self.forward.process(folded);
-            }
-        });
-        Folded { spectra, windows, looks }
+            },
+        );
+        Folded { spectra, windows: looks.into_iter().map(|l| l.0).collect() }
     }
 
     /// Sums the samples of a window into as many rows as periods, of `bins` bins of code phase.
@@ -291,50 +463,133 @@ impl SearchPlan {
         sorted
     }
 
-    /// The cell of maximum statistic for one code.
-    fn search_one(&self, code: &[Complex32], cycles_per_chip: f64, folded: &Folded) -> Peak {
+    /// The spectrum of a row's correlation in one look.
+    fn multiply_row(
+        &self,
+        code: &[Complex32],
+        index: i64,
+        look: usize,
+        folded: &Folded,
+        product: &mut [Complex32],
+    ) {
+        let (bins, fractions) = (self.bins, 2 * self.periods as i64);
+        let fraction = index.rem_euclid(fractions) as usize;
+        let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
+        let at = (look * fractions as usize + fraction) * bins;
+        let (head, tail) = folded.spectra[at..at + bins].split_at(lines);
+        let (code_head, code_tail) = code.split_at(bins - lines);
+        multiply(tail, code_head, &mut product[..bins - lines]);
+        multiply(head, code_tail, &mut product[bins - lines..]);
+    }
+
+    /// Bins by which a look shows a code earlier than the first window does: it runs faster with the Doppler.
+    fn advance(&self, cycles_per_chip: f64, index: i64, look: usize, folded: &Folded) -> usize {
+        let doppler_hz = index as f64 * self.doppler_step();
+        let seconds = (folded.windows[look] * self.periods) as f64 * self.period_s;
+        let advance = doppler_hz / cycles_per_chip * seconds * self.bins as f64 / self.chips;
+        (advance.round() as i64).rem_euclid(self.bins as i64) as usize
+    }
+
+    /// Power over that of the noise of a satellite, at its code phase, in one row.
+    fn cell_power(&self, satellite: &Candidate, index: i64, folded: &Folded, floor: f64) -> f64 {
         let bins = self.bins;
-        let fractions = 2 * self.periods as i64;
+        let cycles_per_chip = satellite.acquisition.transmission.cycles_per_chip();
+        let mut product = vec![Complex32::ZERO; bins];
+        let power = |look| {
+            self.multiply_row(&satellite.code, index, look, folded, &mut product);
+            let advance = self.advance(cycles_per_chip, satellite.index, look, folded);
+            let bin = (satellite.bin + bins - advance) % bins;
+            let turn = |n: usize| phasor(-((n * bin % bins) as f64) / bins as f64);
+            let sum: Complex32 = product.iter().enumerate().map(|(n, x)| x * turn(n)).sum();
+            f64::from(sum.norm_sqr())
+        };
+        let total: f64 = (0..folded.windows.len()).map(power).sum();
+        total * bins as f64 / floor
+    }
+
+    /// The best cells for one code.
+    fn search_one(
+        &self,
+        code: &[Complex32],
+        cycles_per_chip: f64,
+        folded: &Folded,
+        threshold: f64,
+    ) -> Best {
+        let bins = self.bins;
+        let looks = folded.windows.len();
+        let ln_limit = statistics::ln_cell_false_alarm(threshold, looks as f64);
         let mut product = vec![Complex32::ZERO; bins];
         let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
         let mut power = vec![0f32; bins];
-        let mut best = Peak { statistic: 0.0, power: 0.0, doppler_hz: 0.0, bin: 0 };
+        let (mut sound, mut doubtful): (Option<Peak>, Option<Peak>) = (None, None);
         let dopplers = self.dopplers().count();
         let mut floors = Vec::with_capacity(dopplers);
         for index in self.dopplers() {
-            let doppler_hz = index as f64 * self.doppler_step();
-            let fraction = index.rem_euclid(fractions) as usize;
-            let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
-            for look in 0..folded.looks {
-                let window = look % folded.windows;
-                let at = (look * fractions as usize + fraction) * bins;
-                let (head, tail) = folded.spectra[at..at + bins].split_at(lines);
-                let (code_head, code_tail) = code.split_at(bins - lines);
-                multiply(tail, code_head, &mut product[..bins - lines]);
-                multiply(head, code_tail, &mut product[bins - lines..]);
+            for look in 0..looks {
+                self.multiply_row(code, index, look, folded, &mut product);
                 self.inverse.process_with_scratch(&mut product, &mut scratch);
-                // The code runs faster with the Doppler: later windows show it earlier by that much.
-                let seconds = (window * self.periods) as f64 * self.period_s;
-                let advance = doppler_hz / cycles_per_chip * seconds * bins as f64 / self.chips;
-                let advance = (advance.round() as i64).rem_euclid(bins as i64) as usize;
+                let advance = self.advance(cycles_per_chip, index, look, folded);
                 let (early, late) = product.split_at(bins - advance);
                 add_power(early, &mut power[advance..], look == 0);
                 add_power(late, &mut power[..advance], look == 0);
             }
-            let (bin, highest, total) = peak_and_sum(&power);
-            let statistic = f64::from(highest) * (folded.looks * bins) as f64
-                / f64::from(total).max(f64::MIN_POSITIVE);
-            if statistic > best.statistic {
-                let power = f64::from(highest) * bins as f64;
-                best = Peak { statistic, power, doppler_hz, bin };
-            }
+            let (highest, total) = peak_and_sum(&power);
             floors.push(total);
+            let statistic = f64::from(highest) * (looks * bins) as f64 / f64::from(total);
+            // NaN is below the threshold too.
+            if !(statistic > threshold) {
+                continue;
+            }
+            let peak = self.judge_row(&power, highest, statistic, looks, index);
+            let best = if peak.ln_false_alarm < ln_limit { &mut sound } else { &mut doubtful };
+            if best.is_none_or(|b| b.statistic < peak.statistic) {
+                *best = Some(peak);
+            }
         }
         // A strong signal raises the mean of its own row, so the noise is that of the median row.
         let (_, &mut floor, _) = floors.select_nth_unstable_by(dopplers / 2, f32::total_cmp);
-        best.power /= f64::from(floor).max(f64::MIN_POSITIVE);
-        best
+        let floor = f64::from(floor).max(f64::MIN_POSITIVE);
+        let over_noise = |peak: Peak| Peak { power: peak.power * bins as f64 / floor, ..peak };
+        Best { sound: sound.map(over_noise), doubtful: doubtful.map(over_noise), floor }
     }
+
+    /// The peak of a row, judged by the other cells: by fewer looks where they vary more than noise does.
+    fn judge_row(
+        &self,
+        power: &[f32],
+        highest: f32,
+        statistic: f64,
+        looks: usize,
+        index: i64,
+    ) -> Peak {
+        let bins = self.bins;
+        let bin = power.iter().position(|&p| p == highest).unwrap_or(0);
+        let beside = (PEAK_CHIPS * bins as f64 / self.chips).ceil() as usize;
+        let rest = bins - 2 * beside - 1;
+        let others = || (0..rest).map(|k| f64::from(power[(bin + beside + 1 + k) % bins]));
+        let mean = others().sum::<f64>() / rest as f64;
+        let spread = others().map(|p| (p / mean - 1.0).powi(2)).sum::<f64>() / rest as f64;
+        let white = looks as f64;
+        let ln_false_alarm = if spread * white < 1.0 + self.spread_error() {
+            statistics::ln_cell_false_alarm(statistic, white)
+        } else {
+            let fewer = spread.recip();
+            statistics::ln_cell_false_alarm(fewer * f64::from(highest) / mean, fewer)
+        };
+        let power = f64::from(highest);
+        Peak { index, bin, statistic, ln_false_alarm, power, spread }
+    }
+}
+
+/// The satellites whose cross-correlations exceed the noise of so many coherent seconds, strongest first.
+pub(crate) fn masking(satellites: &[Acquisition], coherent_s: f64) -> Vec<Acquisition> {
+    let is_masking = |a: &&Acquisition| {
+        let snr = 10f64.powf(a.cn0_dbhz / 10.0) * coherent_s;
+        snr / a.transmission.signal.chips as f64 > MINOR_CROSS_CORRELATION
+    };
+    let mut strong: Vec<_> = satellites.iter().filter(is_masking).copied().collect();
+    strong.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
+    strong
 }
 
 /// The signal parameters common to all transmissions of a search, which must suit the sampling rate.
@@ -373,6 +628,18 @@ fn bins_per_period(signal: &Signal, rate_hz: f64) -> usize {
     (lowest..=samples.min(highest)).rev().find(is_smooth).unwrap_or(from(lowest))
 }
 
+/// Conjugate spectrum of a code.
+fn code_spectrum(
+    transmission: Transmission,
+    bins: usize,
+    forward: &dyn Fft<f32>,
+) -> Vec<Complex32> {
+    let mut spectrum = sampled_code(&transmission.code(), bins);
+    forward.process(&mut spectrum);
+    spectrum.iter_mut().for_each(|c| *c = c.conj());
+    spectrum
+}
+
 /// One period of a code at the middle of each of `bins` bins.
 fn sampled_code(chips: &[i8], bins: usize) -> Vec<Complex32> {
     (0..bins)
@@ -409,13 +676,13 @@ pub(crate) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) 
     }
 }
 
-/// Index and value of the maximum, and the sum of all.
+/// The maximum, and the sum of all.
 #[multiversion::multiversion(targets(
     "x86_64+avx2+fma",
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
     "aarch64+neon"
 ))]
-fn peak_and_sum(power: &[f32]) -> (usize, f32, f32) {
+fn peak_and_sum(power: &[f32]) -> (f32, f32) {
     const LANES: usize = 16;
     let (chunks, rest) = power.as_chunks::<LANES>();
     let (mut highest, mut sums) = ([0f32; LANES], [0f32; LANES]);
@@ -427,7 +694,7 @@ fn peak_and_sum(power: &[f32]) -> (usize, f32, f32) {
     }
     let peak = rest.iter().chain(&highest).copied().fold(0f32, f32::max);
     let sum = sums.iter().chain(rest).sum();
-    (power.iter().position(|&p| p == peak).unwrap_or(0), peak, sum)
+    (peak, sum)
 }
 
 #[cfg(test)]
@@ -493,6 +760,104 @@ mod tests {
         // 1000 expected if all cells were independent, standard deviation 32; neighbours that exceed
         // together lower it by at most a tenth (see the module `statistics`).
         assert!((800..=1100).contains(&alarms), "{alarms} false alarms in {SEARCHES} searches");
+    }
+
+    /// Kinds of noise: samples of index n at `rate` of one draw, white noise `w` of power 1 per sample given.
+    type Noise = (&'static str, fn(f64, &mut [Complex32], f64));
+
+    const NOISES: [Noise; 10] = [
+        ("a carrier 20 dB over the noise", |rate, x, u| {
+            add(x, |n| 10.0 * cis(12_300.0 / rate * n + u))
+        }),
+        ("a carrier 40 dB over it, on a line of the codes", |rate, x, u| {
+            add(x, |n| 100.0 * cis(3000.0 / rate * n + u));
+        }),
+        ("a carrier 10 dB over it at the centre", |_, x, u| add(x, |_| 3.16 * cis(u))),
+        ("sweeps of 1.2 to 2 MHz in 1 ms", |rate, x, u| {
+            // Each draw its own width: equal ones would show the same pattern in all draws.
+            let t = move |n: f64| (n / rate * 1e3 + u).fract() - 0.5;
+            let width = 600.0 + 400.0 * (u * 97.0).fract();
+            add(x, move |n| 10.0 * cis(t(n).powi(2) * width));
+        }),
+        ("narrow noise", |rate, x, _| {
+            // 50 kHz wide, 20 dB over the rest.
+            let keep = 1.0 - (TAU * 25e3 / rate) as f32;
+            let mut low = Complex32::ZERO;
+            for x in x {
+                low = low * keep + *x * (1.0 - keep);
+                *x += low * 87.0;
+            }
+        }),
+        ("noise of a slope", |_, x, _| {
+            let mut last = Complex32::ZERO;
+            for x in x {
+                last = last * 0.6 + *x;
+                *x = last;
+            }
+        }),
+        ("a gain step of 20 dB", |_, x, u| {
+            let at = (u * x.len() as f64) as usize;
+            x[at..].iter_mut().for_each(|x| *x *= 10.0);
+        }),
+        ("silence at the start", |_, x, u| {
+            let until = (0.95 * u * x.len() as f64) as usize;
+            x[..until].fill(Complex32::ZERO);
+        }),
+        ("bursts of 30 dB, a tenth of the time", |rate, x, u| {
+            let is_on = |n: usize| (n as f64 / rate * 170.0 + u).fract() < 0.1;
+            for (_, x) in x.iter_mut().enumerate().filter(|x| is_on(x.0)) {
+                *x *= 31.6;
+            }
+        }),
+        ("a few impulses", |_, x, u| {
+            let apart = x.len() / 7;
+            for x in x.iter_mut().skip((u * apart as f64) as usize).step_by(apart) {
+                *x *= 3e3;
+            }
+        }),
+    ];
+
+    fn cis(cycles: f64) -> Complex32 {
+        phasor(-cycles)
+    }
+
+    fn add(x: &mut [Complex32], value: impl Fn(f64) -> Complex32) {
+        x.iter_mut().enumerate().for_each(|(n, x)| *x += value(n as f64));
+    }
+
+    #[test]
+    fn false_alarms_are_as_rare_as_stated_in_noise_of_any_colour_and_law() {
+        const SEARCHES: usize = 1000;
+        const STATED: f64 = 0.02;
+        let rate = 2.048e6;
+        for (coherent_ms, max_windows) in [(10, 2), (1, 20)] {
+            let options = SearchOptions {
+                satellites: ["G05", "G19"].map(|sv| signal::of(sv.parse().unwrap())).to_vec(),
+                doppler_hz: (-500.0, 500.0),
+                doppler_rate_hz_s: 0.0,
+                coherent_ms,
+                max_windows,
+                false_alarm: STATED,
+            };
+            let plan = SearchPlan::new(rate, options).unwrap();
+            for (name, noise) in NOISES {
+                let alarms: usize = (0..SEARCHES as u64)
+                    .into_par_iter()
+                    .map(|seed| {
+                        let mut samples = four_valued_noise(20 * 2048, seed);
+                        noise(rate, &mut samples, (seed as f64 * 0.618_034).fract());
+                        usize::from(!plan.search(&samples).unwrap().is_empty())
+                    })
+                    .sum();
+                // At most twice the stated probability; three standard deviations of a binomial count.
+                let most = 2.0 * STATED * SEARCHES as f64;
+                println!("{coherent_ms} ms x {max_windows}, {name}: {alarms} of {SEARCHES}");
+                assert!(
+                    (alarms as f64) < most + 3.0 * most.sqrt(),
+                    "{name}: {alarms} of {SEARCHES}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -49,6 +49,9 @@ pub fn notice(notice: &Notice) -> String {
         Notice::Oscillator { .. } => format!(
             "{notice}; a wrong --if looks the same, and a larger --doppler-max finds them at once"
         ),
+        Notice::TooMany { .. } => format!(
+            "{notice}; `sdr-rx info` shows level and spectrum, and --max-height sees more of the sky"
+        ),
         Notice::AssumedWeek(_) => format!("{notice}; --time, or --nav of that day, would"),
         _ => notice.to_string(),
     }

@@ -96,6 +96,13 @@ pub enum Notice {
         /// Their middle.
         offset_hz: f64,
     },
+    /// More GPS satellites were found than can be above the horizon at once: they are not satellites.
+    TooMany {
+        /// Satellites found.
+        found: usize,
+        /// Most that can be in view.
+        most: usize,
+    },
     /// Directions cannot be determined.
     NoDirections(String),
     /// Jammers were removed, from this time on.
@@ -168,6 +175,10 @@ impl fmt::Display for Notice {
                     "the date is {date}, or 1024 weeks earlier or later: the signals do not tell which"
                 )
             }
+            Self::TooMany { found, most } => write!(
+                f,
+                "{found} GPS satellites would be in view, where at most {most} can be: none of them is believed; interference or a wrong sample type makes such"
+            ),
             Self::NoDirections(text) => f.write_str(text),
             Self::Mirrored => {
                 f.write_str("the spectrum is mirrored: code drifts and Dopplers disagree in sign")

@@ -3,8 +3,7 @@
 use super::CHUNK_S;
 use super::spatial::head_covariance;
 use crate::acquisition::{
-    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan,
-    remove_cross_correlations,
+    Acquisition, AcquisitionError, Refined, Refiner, SearchOptions, SearchPlan, masking, subtract,
 };
 use crate::array::code_periods::despread;
 use crate::array::sky::interference::Interference;
@@ -64,8 +63,8 @@ pub(super) struct Region<'a> {
 }
 
 /// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
-/// removed the noise of the channels is correlated, and beams of independent noise replace them. Satellites
-/// `known` beforehand are returned with the others; their cross-correlations are not.
+/// removed the noise of the channels is correlated, and beams of independent noise replace them. Cross-correlations of
+/// satellites `known` beforehand are not returned.
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
@@ -90,18 +89,39 @@ pub(super) fn search(
         true => (0..count).map(|k| block.channel(spread(k))).collect(),
         false => formed.iter().map(Vec::as_slice).collect(),
     };
-    let count = channels.len();
-    let plan = SearchPlan::new(rate_hz, options.clone())?;
-    let mut found = plan.search_channels(&channels)?;
-    found.extend(known);
-    let looks = count * plan.windows(block.len());
-    remove_cross_correlations(&mut found, options.coherent_ms, looks);
-    Ok(found)
+    SearchPlan::new(rate_hz, options.clone())?.search_channels(&channels, known)
 }
 
 impl Region<'_> {
-    /// Refines what a search found in these samples; what the refinement does not confirm is dropped.
+    /// Refines what a search found in these samples; what the refinement does not confirm is dropped. Satellites whose
+    /// cross-correlations exceed the noise are subtracted from the samples of the others.
     pub(super) fn refine_all(&self, cells: &[Acquisition], searched: &SearchOptions) -> Vec<Found> {
+        let strong = masking(cells, searched.coherent_ms as f64 * 1e-3);
+        if strong.is_empty() {
+            return self.refine_some(cells, searched);
+        }
+        let is_strong = |a: &Acquisition| strong.contains(a);
+        let weak: Vec<Acquisition> = cells.iter().filter(|a| !is_strong(a)).copied().collect();
+        let mut block = self.block.clone();
+        let mut channels: Vec<_> = block.channels_mut().collect();
+        let span_hz = 1e3 / searched.coherent_ms as f64;
+        subtract(&mut channels, self.rate_hz, &strong, span_hz, self.code_offset);
+        let buffers: Vec<SampleBuffer> = channels
+            .iter()
+            .map(|samples| {
+                let mut buffer = SampleBuffer::starting_at(self.block.first_sample());
+                buffer.push(samples);
+                buffer
+            })
+            .collect();
+        let without = Region { block: &block, buffers: &buffers, ..*self };
+        let mut found = self.refine_some(&strong, searched);
+        found.extend(without.refine_some(&weak, searched));
+        found
+    }
+
+    /// Strongest first.
+    fn refine_some(&self, cells: &[Acquisition], searched: &SearchOptions) -> Vec<Found> {
         let refine = |a: &Acquisition| self.refine(a, searched);
         let mut found: Vec<Found> = cells.par_iter().filter_map(refine).collect();
         let cn0 = |f: &Found| f.refined.acquisition.cn0_dbhz;

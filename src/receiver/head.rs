@@ -15,7 +15,8 @@ use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
-use crate::gnss::Transmission;
+use crate::gnss::constants::WGS84_A;
+use crate::gnss::{Constellation, Sv, Transmission};
 
 /// Maximum number of samples of a head: of one channel, and of all together.
 const HEAD_SAMPLES: f64 = 8e6;
@@ -111,6 +112,8 @@ const MIRROR_S: f64 = 0.1;
 const FEW_SATELLITES: usize = 4;
 const SOUND_DBHZ: f64 = 30.0;
 const WIDE_HZ: f64 = 16e3;
+/// Dopplers searched over more than this are those of low orbits, of which more satellites can be in view.
+const LOW_ORBIT_HZ: f64 = 40e3;
 /// Where a sound satellite is this near an end of the interval, the others are searched beyond it.
 const NEAR_END_HZ: f64 = 700.0;
 const BEYOND_HZ: f64 = 5e3;
@@ -156,10 +159,11 @@ pub(super) fn acquire_head(
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();
     let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
-        if asked.satellites.is_empty() {
-            return Ok(known.clone());
+        let mut cells = known.clone();
+        if !asked.satellites.is_empty() {
+            cells.extend(search(&head.block, rate_hz, asked, searched, interference, &known)?);
         }
-        search(&head.block, rate_hz, asked, searched, interference, &known)
+        Ok(cells)
     };
     let mut cells = search_rest(&asked)?;
     // An oscillator that is some ppm off shifts all Dopplers alike: few satellites, or all near one end.
@@ -244,6 +248,15 @@ pub(super) fn acquire_head(
             found = region(end, code_offset).refine_all(&cells, &asked);
         }
     }
+    let gps = found
+        .iter()
+        .filter(|f| f.refined.acquisition.sv().constellation() == Constellation::Gps)
+        .count();
+    let most = most_in_view(options.positioning.max_height_m);
+    if gps > most && high - low < LOW_ORBIT_HZ {
+        emit(Event::Notice(Notice::TooMany { found: gps, most }));
+        found.clear();
+    }
     emit(Event::Found(found.iter().map(|f| f.refined).collect()));
     let sky = (head.block.channels() > 1).then(|| {
         let mut sky = ArraySky::default();
@@ -256,7 +269,56 @@ pub(super) fn acquire_head(
     Ok(HeadFound { found, sky, code_offset, doppler_hz: asked.doppler_hz })
 }
 
+/// Most satellites of GPS that can be above the horizon of a receiver up to this height: so much of the sphere of their
+/// orbits it sees, and twice the standard deviation of 32 independent places, which orbits in six planes do not reach.
+fn most_in_view(height_m: f64) -> usize {
+    const ORBIT_M: f64 = 26.56e6;
+    let seen = (WGS84_A / (WGS84_A + height_m)).acos() + (WGS84_A / ORBIT_M).acos();
+    let share = 0.5 * (1.0 - seen.cos());
+    let satellites = Sv::all_gps().count() as f64;
+    (satellites * share + 2.0 * (satellites * share * (1.0 - share)).sqrt()) as usize
+}
+
 /// Windows of a deeper search: 16 of one channel, and with more channels half as many looks each.
 pub(super) fn deep_windows(channels: usize) -> usize {
     if channels == 1 { 16 } else { (32 / channels).max(2) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn no_receiver_sees_more_satellites_than_can_be_in_view() {
+        // Six planes of 55 degrees, 32 places in all, seen from all latitudes through half an orbit.
+        let orbit = |k: usize, t: f64| {
+            let (plane, slot) = (k % 6, k / 6);
+            let u = t + (slot as f64 / 5.4 + plane as f64 * 0.09) * std::f64::consts::TAU;
+            let node = plane as f64 * std::f64::consts::TAU / 6.0;
+            let (tilt_sin, tilt_cos) = 55f64.to_radians().sin_cos();
+            let (x, y, z) = (u.cos(), u.sin() * tilt_cos, u.sin() * tilt_sin);
+            let (sin, cos) = node.sin_cos();
+            26.56e6 * Vector3::new(x * cos - y * sin, x * sin + y * cos, z)
+        };
+        for height_m in [0.0, 20e3, 550e3, 1200e3] {
+            let most = most_in_view(height_m);
+            let mut seen = 0;
+            for t in (0..60).map(|k| f64::from(k) * 0.052) {
+                for latitude in (-90..=90).step_by(5).map(|d| f64::from(d).to_radians()) {
+                    let up = Vector3::new(latitude.cos(), 0.0, latitude.sin());
+                    let receiver = up * (WGS84_A + height_m);
+                    // Above the limb of the Earth.
+                    let limb = -(1.0 - (WGS84_A / receiver.norm()).powi(2)).sqrt();
+                    let is_up = |k: &usize| {
+                        let line = orbit(*k, t) - receiver;
+                        line.dot(&up) > limb * line.norm()
+                    };
+                    seen = seen.max((0..32).filter(is_up).count());
+                }
+            }
+            println!("{:.0} km: {seen} of at most {most}", height_m / 1e3);
+            assert!(seen <= most && most < 32, "{height_m} m: {seen} of {most}");
+        }
+    }
 }

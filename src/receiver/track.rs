@@ -1,6 +1,7 @@
 //! One satellite in track: its beam, loops, message and measurements.
 
 use super::find::{BeamFormer, Found};
+use crate::acquisition::Acquisition;
 use crate::array::code_periods::despread;
 use crate::array::{Beam, Signature};
 use crate::capture::Block;
@@ -98,6 +99,18 @@ impl Track {
 
     pub(super) fn doppler_hz(&self) -> f64 {
         self.channel.doppler_hz()
+    }
+
+    /// As an acquisition at a sample near the end of what was tracked.
+    pub(super) fn at(&self, sample: u64) -> Acquisition {
+        Acquisition {
+            transmission: self.log.transmission,
+            doppler_hz: self.channel.doppler_hz(),
+            code_phase_chips: self.channel.code_phase_chips(sample),
+            cn0_dbhz: self.channel.quality().cn0_dbhz.unwrap_or(0.0),
+            statistic: f64::INFINITY,
+            false_alarm: 0.0,
+        }
     }
 
     pub(super) fn is_lost(&self) -> bool {

@@ -349,7 +349,10 @@ impl Tracker {
         if whole_ms < options.coherent_ms {
             return Ok(Vec::new());
         }
-        search(&self.chunk, self.rate_hz, options, self.searched, self.interference.as_ref(), &[])
+        let start = self.chunk.first_sample();
+        let known: Vec<Acquisition> = self.tracks.iter().map(|t| t.at(start)).collect();
+        let interference = self.interference.as_ref();
+        search(&self.chunk, self.rate_hz, options, self.searched, interference, &known)
     }
 
     /// Whether samples were lost or doubled since all satellites last agreed: if so, all is dated anew from there on.

@@ -197,6 +197,14 @@ impl Channel {
         self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * self.timing().period_s
     }
 
+    /// Code phase at a sample near the newest one tracked, chips from 0 to below a code period.
+    pub fn code_phase_chips(&self, sample: u64) -> f64 {
+        let clock = self.transmission().clock_beside(self.carrier_hz, self.code_offset);
+        let chips = self.transmission().signal.chips as f64;
+        let since_start_s = (sample as f64 - self.code_start) / self.rate_hz;
+        (since_start_s * clock.chip_rate_hz).rem_euclid(chips) % chips
+    }
+
     /// Current precision of the measurements.
     pub fn quality(&self) -> Quality {
         Quality {

@@ -6,6 +6,7 @@ mod beams;
 mod brute_force;
 #[path = "../common/mod.rs"]
 mod common;
+mod false_satellites;
 mod impulses;
 mod losses;
 mod mistakes;
