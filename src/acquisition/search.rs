@@ -536,8 +536,7 @@ impl SearchPlan {
             let (highest, total) = peak_and_sum(&power);
             floors.push(total);
             let statistic = f64::from(highest) * (looks * bins) as f64 / f64::from(total);
-            // NaN is below the threshold too.
-            if !(statistic > threshold) {
+            if statistic.is_nan() || statistic <= threshold {
                 continue;
             }
             let peak = self.judge_row(&power, highest, statistic, looks, index);

@@ -55,6 +55,8 @@ const MAX_SIGMA_OF_FIVE_M: f64 = 150.0;
 const DISTINCT_COST: f64 = 40.0;
 /// Places nearer than this are the same, m.
 const SAME_PLACE_M: f64 = 500.0;
+/// A solution may be this many uncertainties from the time given: its own time has an error too.
+const LATEST: f64 = 1.25;
 /// Beyond this uncertainty of the time, s, it is searched for.
 const SEARCHED_S: f64 = 600.0;
 
@@ -80,6 +82,7 @@ pub fn solve_snapshot(
     let speeds = SPEEDS_MPS.iter().copied().filter(|&v| v < options.user_speed_mps);
     let speeds: Vec<f64> = speeds.chain([options.user_speed_mps]).collect();
     let mut error = None;
+    let mut searches = 0;
     // Before a satellite is left out, the receiver may move.
     let attempts = (0..=MAX_EXCLUDED).flat_map(|count| speeds.iter().map(move |&v| (count, v)));
     for (count, speed_mps) in attempts {
@@ -93,8 +96,12 @@ pub fn solve_snapshot(
                 .filter(|k| !excluded.contains(k))
                 .map(|k| sightings[k])
                 .collect();
+            searches += 1;
             match search(&problem, &set) {
-                Ok(found) => solutions.push((found, set, excluded)),
+                Ok(found) if problem.is_timely(&found) => solutions.push((found, set, excluded)),
+                Ok(found) => {
+                    error.get_or_insert(problem.unexplained(found.set.len()));
+                }
                 Err(cause) => {
                     error.get_or_insert(cause);
                 }
@@ -102,7 +109,9 @@ pub fn solve_snapshot(
         }
         solutions.sort_by(|a, b| a.0.fix.cost.total_cmp(&b.0.fix.cost));
         let mut solutions = solutions.into_iter();
-        let Some((best, set, excluded)) = solutions.next() else { continue };
+        let Some((mut best, set, excluded)) = solutions.next() else { continue };
+        // Each search may agree by chance.
+        best.tried *= searches;
         if let Some((other, ..)) = solutions.find(|(s, ..)| s.contests(&best.fix)) {
             return Err(other.ambiguous(&best.fix));
         }
@@ -149,6 +158,22 @@ fn alias<'a>(
         }
     }
     Ok(())
+}
+
+impl CoarseTime<'_> {
+    /// Whether a solution is at a time that the given one allows.
+    fn is_timely(&self, found: &Found) -> bool {
+        found.fix.late_s().abs() <= LATEST * self.options.time_uncertainty_s
+    }
+
+    fn unexplained(&self, satellites: usize) -> PositioningError {
+        PositioningError::Unexplained {
+            what: "code phases",
+            satellites,
+            time: self.time,
+            uncertainty_s: self.options.time_uncertainty_s,
+        }
+    }
 }
 
 /// An observation of a snapshot, with its orbit at about `time`.
@@ -242,12 +267,7 @@ fn search<'a>(problem: &CoarseTime, set: &[Sighting<'a>]) -> Result<Found<'a>, P
     let cost_limit = limit(2 * set.len());
     let best = solutions.next().filter(|best| best.fix.cost <= cost_limit);
     let Some(best) = best else {
-        return Err(PositioningError::Unexplained {
-            what: "code phases",
-            satellites: set.len(),
-            time: problem.time,
-            uncertainty_s: problem.options.time_uncertainty_s,
-        });
+        return Err(problem.unexplained(set.len()));
     };
     match solutions.find(|s| s.contests(&best.fix)) {
         Some(other) => Err(other.ambiguous(&best.fix)),
@@ -369,6 +389,9 @@ fn finish(
         let CoarseFix { place_time, drift_mps, bias_m, .. } = found.fix;
         problem.solve(&used, Some((&integers, bias_m)), place_time, drift_mps).ok_or(too_few)?
     };
+    if fix.late_s().abs() > LATEST * problem.options.time_uncertainty_s {
+        return Err(problem.unexplained(used.len()));
+    }
     let position_m = fix.position_m();
     let radius_m = position_m.norm();
     if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
@@ -399,6 +422,10 @@ fn finish(
     let chance = 8.0 * PASSING_SIGMA_M / CODE_PERIOD_M;
     let redundant = satellites.saturating_sub(NEEDED) as i32;
     let proved = redundant > 0 && found.tried as f64 * chance.powi(redundant) < MOST_FALSE_EXPECTED;
+    if !proved && !excluded.is_empty() {
+        // What is left after an exclusion agrees by chance too easily.
+        return Err(problem.unexplained(satellites));
+    }
     let motion = motion(&used, &fix.predictions);
     let (velocity, drift) =
         motion.map_or((Vector3::zeros(), fix.drift_mps), |m| (m.velocity_mps, m.drift_mps));

@@ -2,12 +2,13 @@
 
 use super::coarse_time::CODE_PERIOD_M;
 use super::*;
-use crate::simulated::{Truth, navigation_data};
+use crate::simulated::{Truth, navigation_data, navigation_data_of_hours};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use sdr_rx_gnss::Ephemeris;
 use sdr_rx_gnss::observation::Observation;
 
 /// One class of snapshots.
@@ -24,6 +25,16 @@ struct Class {
 
 /// A random snapshot of the class, with its truth; `None` if too few satellites are in view.
 fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, ObservationEpoch)> {
+    draw_at(class, nav, Truth::at_rest().time, seed)
+}
+
+/// The same within an hour of a time.
+fn draw_at(
+    class: &Class,
+    nav: &NavigationData,
+    time: GpsTime,
+    seed: u64,
+) -> Option<(Truth, ObservationEpoch)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let latitude = rng.random_range(-0.98f64..0.98).asin();
     let longitude = rng.random_range(-180.0..180.0);
@@ -31,7 +42,7 @@ fn draw(class: &Class, nav: &NavigationData, seed: u64) -> Option<(Truth, Observ
         Geodetic::from_degrees(latitude.to_degrees(), longitude, rng.random_range(0.0..2e3));
     let base = Truth::at_rest();
     let truth = Truth {
-        time: base.time + rng.random_range(-3600.0..3600.0),
+        time: time + rng.random_range(-3600.0..3600.0),
         position_m: place.to_ecef(),
         bias_s: rng.random_range(-5e-4..5e-4),
         drift_sps: rng.random_range(-3e-6..3e-6),
@@ -202,4 +213,86 @@ fn what_cannot_be_solved_is_refused_with_its_cause() {
         observation.range = Some(CodeRange::ModuloCodePeriod(share * CODE_PERIOD_M));
     }
     assert!(refusal(&random).contains("no place on Earth explains the code phases"));
+}
+
+/// What became of the snapshots of one time given and one number of satellites.
+#[derive(Default)]
+struct Trust {
+    /// Printed as verified or excluded.
+    proved: usize,
+    proved_wrong: usize,
+    unverified: usize,
+    unverified_wrong: usize,
+}
+
+/// Farther than this from the truth a place is wrong, m.
+const WRONG_M: f64 = 500.0;
+
+/// With the time right, a minute, half a day or a day off, or not given, and a wrong ephemeris in every fifth snapshot,
+/// no wrong place counts as proved.
+#[test]
+fn a_wrong_time_or_ephemeris_makes_no_wrong_place_that_counts_as_proved() {
+    // 2000 snapshots by SDR_RX_DRAWS=66.
+    let draws = std::env::var("SDR_RX_DRAWS").ok().and_then(|n| n.parse().ok()).unwrap_or(8u64);
+    let nav = navigation_data_of_hours(60);
+    let middle = GpsTime::from_week_tow(Truth::at_rest().time.week(), 29.0 * 3600.0);
+    let times = [
+        ("right", Some(0.0)),
+        ("60 s", Some(60.0)),
+        ("12 h", Some(43_200.0)),
+        ("a day", Some(86_400.0)),
+        ("none", None),
+    ];
+    let mut far: Vec<String> = Vec::new();
+    let (mut unverified, mut unverified_wrong) = (0, 0);
+    for (name, off_s) in times {
+        for satellites in 5..=10 {
+            let class = Class { satellites, doppler_sigma_hz: 5.0, time_error_s: 0.0, ..CLASS };
+            let one = |seed: u64| {
+                let seed = seed + 10_000 * satellites as u64;
+                let (truth, mut epoch) = draw_at(&class, &nav, middle, seed)?;
+                let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xbad);
+                let sign = if rng.random() { 1.0 } else { -1.0 };
+                epoch.receive_time = epoch.receive_time + sign * off_s.unwrap_or(0.0);
+                let mut own = nav.clone();
+                if seed.is_multiple_of(5) {
+                    // 270 m to 2700 km along the orbit.
+                    let bad = epoch.observations[0].sv();
+                    let along = sign * 10f64.powf(rng.random_range(-5.0..-1.0));
+                    for ephemeris in nav.iter().filter(|e| e.sv == bad) {
+                        own.insert(Ephemeris { m0: ephemeris.m0 + along, ..ephemeris.clone() });
+                    }
+                }
+                let time_uncertainty_s = off_s.map_or(f64::INFINITY, |_| 60.0);
+                let options = PositioningOptions { time_uncertainty_s, ..Default::default() };
+                let fix = solve_snapshot(&epoch, &own, &options).ok();
+                Some(fix.map(|f| (f.integrity, (f.position_m - truth.position_m).norm(), seed)))
+            };
+            let results: Vec<_> = (0..draws).into_par_iter().filter_map(one).collect();
+            let runs = results.len();
+            let mut trust = Trust::default();
+            for (integrity, error_m, seed) in results.into_iter().flatten() {
+                let wrong = usize::from(error_m > WRONG_M);
+                if integrity == Integrity::Unverified {
+                    trust.unverified += 1;
+                    trust.unverified_wrong += wrong;
+                } else {
+                    trust.proved += 1;
+                    trust.proved_wrong += wrong;
+                    if wrong > 0 {
+                        far.push(format!("{name}, {satellites}, seed {seed}: {error_m:.0} m"));
+                    }
+                }
+            }
+            let Trust { proved, proved_wrong, unverified: few, unverified_wrong: few_wrong } =
+                trust;
+            println!(
+                "time {name}, {satellites} of {runs}: proved {proved} (wrong {proved_wrong}), unverified {few} ({few_wrong})"
+            );
+            unverified += trust.unverified;
+            unverified_wrong += trust.unverified_wrong;
+        }
+    }
+    assert!(far.is_empty(), "{far:?}");
+    assert!(unverified_wrong * 100 <= unverified, "{unverified_wrong} of {unverified}");
 }
