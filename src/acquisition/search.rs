@@ -156,6 +156,7 @@ struct Best {
 }
 
 /// A satellite of a search: what was found, and its code's spectrum.
+#[derive(Clone)]
 struct Candidate<'a> {
     acquisition: Acquisition,
     index: i64,
@@ -362,7 +363,17 @@ impl SearchPlan {
             power: 0.0,
             code: code_spectrum(a.transmission, self.bins, &*self.forward).into(),
         };
-        candidate.power = self.cell_power(&candidate, candidate.index, folded, floor);
+        // The nearest cell of the grid is not always the one that shows most.
+        let (index, bin) = (candidate.index, candidate.bin + self.bins);
+        for (index, bin) in
+            [-1, 0, 1].into_iter().flat_map(|i| (bin - 1..=bin + 1).map(move |b| (index + i, b)))
+        {
+            let at = Candidate { index, bin: bin % self.bins, ..candidate.clone() };
+            let power = self.cell_power(&at, index, folded, floor);
+            if power > candidate.power {
+                candidate = Candidate { power, ..at };
+            }
+        }
         Some(candidate)
     }
 
