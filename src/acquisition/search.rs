@@ -404,7 +404,9 @@ impl SearchPlan {
         }
         // As much of the stronger one as is in the same fraction of the spacing of the lines, data included.
         let row = self.nearest_row(strong, weak.index);
-        let there = (self.cell_power(strong, row, folded, floor) - 1.0).max(0.0);
+        // Its own Doppler lies up to half a row off.
+        let powers = [row - 1, row, row + 1].map(|r| self.cell_power(strong, r, folded, floor));
+        let there = powers.into_iter().fold(1.0, f64::max) - 1.0;
         let lines = (row - weak.index) / (2 * self.periods as i64);
         let share = cross_correlation::cross_power(&strong.acquisition, &weak.acquisition, lines);
         cross_correlation::explains(there * share, weak.power - 1.0, folded.windows.len())
