@@ -4,11 +4,18 @@ use super::input::si_number;
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::gnss::atmosphere::Troposphere;
-use sdr_rx::position::PositioningOptions;
+use sdr_rx::position::{Observable, PositioningOptions, Solver};
 
-/// Corrections of the ranges, and elevation mask.
+/// What positions are solved from and how, corrections of the ranges, and elevation mask.
 #[derive(Args, Clone, Debug)]
 pub struct Corrections {
+    /// Observables to solve from; Dopplers need a receiver at rest
+    #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
+    observable: ObservableArg,
+    /// Solver from the Earth's centre: aw-dgn-bt, best, vp, gn, ...; any other word lists all. Where it fails, best
+    /// takes over
+    #[arg(long, value_name = "NAME", default_value = "aw-dgn-bt", help_heading = "Position")]
+    solver: Solver,
     /// Troposphere model
     #[arg(long, value_name = "MODEL", default_value = "saastamoinen", help_heading = "Position")]
     troposphere: TroposphereArg,
@@ -42,6 +49,17 @@ pub struct Corrections {
     user_speed: f64,
 }
 
+/// `--observable`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ObservableArg {
+    /// Pseudoranges; Dopplers then give the velocity.
+    Pseudorange,
+    /// Dopplers alone.
+    Doppler,
+    /// Both, weighted.
+    Both,
+}
+
 /// `--troposphere`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TroposphereArg {
@@ -64,6 +82,12 @@ impl Corrections {
             "--user-speed must be 0 to 20k m/s: satellites of low orbits have 8k"
         );
         Ok(PositioningOptions {
+            observable: match self.observable {
+                ObservableArg::Pseudorange => Observable::Pseudorange,
+                ObservableArg::Doppler => Observable::Doppler,
+                ObservableArg::Both => Observable::Both,
+            },
+            solver: self.solver,
             max_height_m: self.max_height,
             user_speed_mps: self.user_speed,
             troposphere: match self.troposphere {

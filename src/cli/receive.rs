@@ -214,6 +214,8 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "pll_hz": options.tracking.pll_hz,
         "dll_hz": options.tracking.dll_hz,
         "interval_s": options.interval_s,
+        "observable": options.positioning.observable,
+        "solver": options.positioning.solver.to_string(),
         "troposphere": options.positioning.troposphere,
         "elevation_mask_deg": options.positioning.elevation_mask.to_degrees(),
         "time_uncertainty_s": options.time.map(|_| options.positioning.time_uncertainty_s),

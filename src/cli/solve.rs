@@ -15,8 +15,8 @@ use sdr_rx::gnss::observation::ObservationEpoch;
 use sdr_rx::gnss::{GpsTime, NavigationData};
 use sdr_rx::position::solver::point_solution::{Iteration, trace_csv};
 use sdr_rx::position::{
-    Exclusion, Fix, Height, Observable, PositioningError, PositioningOptions, Robust, Sequence,
-    Solver, candidates, solve_static,
+    Exclusion, Fix, Height, PositioningError, PositioningOptions, Robust, Sequence, candidates,
+    solve_static,
 };
 use sdr_rx::report::{self, Input, OutputDir, Reference, Run};
 use std::path::{Path, PathBuf};
@@ -43,12 +43,6 @@ pub(super) struct Solve {
     /// Precise orbits and clocks, used instead of broadcast ones while they are valid
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// Observables to solve from; Dopplers need a receiver at rest
-    #[arg(long, value_name = "WHAT", default_value = "pseudorange", help_heading = "Position")]
-    observable: ObservableArg,
-    /// Solver from the Earth's centre: best, aw-dgn-bt, vp, gn, ...; any other word lists all
-    #[arg(long, value_name = "NAME", default_value = "best", help_heading = "Position")]
-    solver: Solver,
     /// The receiver is at rest: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
     at_rest: bool,
@@ -84,17 +78,6 @@ pub(super) struct Solve {
     /// Threads; the result is the same for any number [default: all processors]
     #[arg(short = 'j', long, value_name = "N")]
     threads: Option<usize>,
-}
-
-/// `--observable`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ObservableArg {
-    /// Pseudoranges; Dopplers then give the velocity.
-    Pseudorange,
-    /// Dopplers alone.
-    Doppler,
-    /// Both, weighted.
-    Both,
 }
 
 /// `--robust`.
@@ -144,12 +127,6 @@ fn position(text: &str) -> Result<Geodetic, String> {
 impl Solve {
     fn options(&self) -> anyhow::Result<PositioningOptions> {
         Ok(PositioningOptions {
-            observable: match self.observable {
-                ObservableArg::Pseudorange => Observable::Pseudorange,
-                ObservableArg::Doppler => Observable::Doppler,
-                ObservableArg::Both => Observable::Both,
-            },
-            solver: self.solver,
             robust: match self.robust {
                 RobustArg::None => Robust::None,
                 RobustArg::Huber => Robust::Huber,

@@ -30,7 +30,7 @@ pub fn geojson(run: &Run) -> String {
             "protection": fix.protection,
             "satellites": fix.residuals.len(),
             "pdop": fix.pdop,
-            "solver": fix.solver,
+            "solver": fix.start.solver,
         });
         let point = map_point(&Geodetic::from_ecef(&fix.position_m));
         features.push(feature(Geometry::new_point(point), properties));

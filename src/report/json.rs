@@ -84,6 +84,13 @@ struct SbasRecord {
     message: sbas::SbasMessage,
 }
 
+/// A solver that did not lead to a fix, and why.
+#[derive(Clone, Debug, Serialize)]
+struct FailedSolverRecord {
+    solver: &'static str,
+    cause: String,
+}
+
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FixRecord {
     gps_week: i32,
@@ -104,7 +111,12 @@ pub(super) struct FixRecord {
     clock_drift_sps: Option<f64>,
     satellites: Vec<Sv>,
     method: FixMethod,
+    /// The solver that led from the Earth's centre to where the full model started, and its iterations.
     solver: &'static str,
+    start_iterations: usize,
+    /// The solver that was asked for, where another one took over, and why.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failed_solver: Option<FailedSolverRecord>,
     /// Where the time of the fix was searched: length of the time window, and expected number of false fixes that
     /// explain the measurements equally well.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -246,7 +258,12 @@ impl FixRecord {
             clock_drift_sps: fix.clock_drift_sps,
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,
-            solver: fix.solver,
+            solver: fix.start.solver,
+            start_iterations: fix.start.iterations,
+            failed_solver: fix.start.failed.as_ref().map(|failed| FailedSolverRecord {
+                solver: failed.solver,
+                cause: failed.cause.to_string(),
+            }),
             time_searched_s: fix.time_search.map(|s| s.searched_s),
             false_fixes_expected: fix.time_search.map(|s| s.false_expected),
             iterations: fix.iterations,

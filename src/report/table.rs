@@ -69,8 +69,21 @@ pub fn fix_table(run: &Run) -> String {
     };
     line(
         "fixes",
-        format!("{} by {}, {} satellites", states(run.fixes), last.solver, last.residuals.len()),
+        format!(
+            "{} by {}, {} satellites",
+            states(run.fixes),
+            last.start.solver,
+            last.residuals.len()
+        ),
     );
+    let failed = || fixes.iter().filter_map(|fix| fix.start.failed.as_ref().zip(Some(fix)));
+    if let Some((first, fix)) = failed().next() {
+        let (count, by) = (failed().count(), fix.start.solver);
+        line(
+            "solver",
+            format!("{} failed in {count}, {by} took over: {}", first.solver, first.cause),
+        );
+    }
     let needed = run.first_fix_s.unwrap_or(s.first_fix_s);
     line("first fix", format!("from the first {needed:.2} s of signal"));
     line("last fix", last.time.utc_iso());

@@ -11,7 +11,7 @@ use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::orbit::Propagation;
 use sdr_rx::gnss::signal::{self, L1_CENTRE_HZ, L1_WAVELENGTH};
 use sdr_rx::gnss::{GpsTime, NavigationData, Sv};
-use sdr_rx::position::{Fix, FixMethod, Integrity, ProtectionLevel, Residual};
+use sdr_rx::position::{Fix, FixMethod, FixStart, Integrity, ProtectionLevel, Residual};
 use sdr_rx::report::{Input, Run};
 use std::path::Path;
 
@@ -141,7 +141,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         method: FixMethod::Tracking,
         time_search: None,
         alternatives_m: Vec::new(),
-        solver: "aw-dgn-bt",
+        start: FixStart { solver: "aw-dgn-bt", iterations: 6, failed: None },
         iterations: 9,
     }
 }

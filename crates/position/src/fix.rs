@@ -1,6 +1,7 @@
 //! The result: a position with everything a person needs to trust it.
 
 use crate::error::Dropped;
+use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::{GpsTime, Sv};
 
@@ -90,6 +91,42 @@ pub struct Residual {
     pub elevation: f64,
 }
 
+/// How a fix came from the Earth's centre to the region of the receiver, where the full model takes over.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixStart {
+    /// Name of the solver that led there, such as `aw-dgn-bt`; [`FixStart::SEEDS`] where none did.
+    pub solver: &'static str,
+    /// Linearisations from the centre to there, those of a solver that failed included.
+    pub iterations: usize,
+    /// The solver that was asked for, where another one took over.
+    pub failed: Option<FailedStart>,
+}
+
+impl FixStart {
+    /// Instead of a solver's name: points on the ground around the direction of the satellites, tried one by one.
+    pub const SEEDS: &'static str = "seeds";
+}
+
+/// A solver that was asked for and gave no start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FailedStart {
+    /// Its name.
+    pub solver: &'static str,
+    /// Why it gave none.
+    pub cause: FailedStartCause,
+}
+
+/// Why a solver gave no start.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FailedStartCause {
+    /// It did not converge near the Earth.
+    #[error(transparent)]
+    NoPlace(Failure),
+    /// From its place the full model finds none that explains the observations; from another solver's it does.
+    #[error("from its place the full model finds none that explains the observations")]
+    Unexplained,
+}
+
 /// How the time of a snapshot was found, where it was not known beforehand.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TimeSearch {
@@ -146,8 +183,8 @@ pub struct Fix {
     pub method: FixMethod,
     /// How the time was searched for, where it was.
     pub time_search: Option<TimeSearch>,
-    /// Name of the solver, such as `aw-dgn-bt`.
-    pub solver: &'static str,
+    /// Where the full model started, and by what solver.
+    pub start: FixStart,
     /// Other places that explain the observations as well, m, ECEF: four satellites can have two.
     pub alternatives_m: Vec<Vector3<f64>>,
     /// Linearisations from the Earth's centre to convergence.

@@ -27,7 +27,10 @@ pub use epoch::sequence::Sequence;
 pub use epoch::static_point::solve_static;
 pub use epoch::{Candidates, candidates, solve_epoch, solve_traced};
 pub use error::{DropReason, Dropped, PositioningError};
-pub use fix::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel, Residual, TimeSearch};
+pub use fix::{
+    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, ProtectionLevel,
+    Residual, TimeSearch,
+};
 pub use loss::Robust;
 pub use options::{Exclusion, Height, Observable, PositioningOptions};
 pub use place::Place;

@@ -16,7 +16,8 @@ pub struct PositioningOptions {
     pub min_cn0_dbhz: Option<f64>,
     /// What an epoch is solved from.
     pub observable: Observable,
-    /// The solver that comes from the Earth's centre to an epoch's place.
+    /// The solver that comes from the Earth's centre to the region of the receiver. Where it does not,
+    /// [`Solver::Best`] takes over, and [`crate::Fix::start`] says so.
     pub solver: Solver,
     /// How an epoch's outliers are weighted.
     pub robust: Robust,
@@ -35,7 +36,7 @@ pub struct PositioningOptions {
     pub max_height_m: f64,
 }
 
-/// Saastamoinen's troposphere, mask 5 degrees; epochs by pseudoranges, [`Solver::Best`], plain least squares,
+/// Saastamoinen's troposphere, mask 5 degrees; epochs by pseudoranges, [`Solver::AwDgnBt`], plain least squares,
 /// exclusion by the chi-square test; snapshots whose time is known to a minute, of a receiver of
 /// up to 100 m/s; heights up to 20 km.
 impl Default for PositioningOptions {
@@ -45,7 +46,7 @@ impl Default for PositioningOptions {
             elevation_mask: 5f64.to_radians(),
             min_cn0_dbhz: None,
             observable: Observable::default(),
-            solver: Solver::Best,
+            solver: Solver::default(),
             robust: Robust::default(),
             exclusion: Exclusion::default(),
             height: None,

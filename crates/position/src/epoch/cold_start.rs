@@ -7,7 +7,9 @@
 use super::adjustment::{Adjustment, point};
 use super::sighting::{Sighting, clock_of};
 use crate::error::PositioningError;
+use crate::fix::{FailedStart, FailedStartCause, FixStart};
 use crate::options::Observable;
+use crate::place::Place;
 use crate::point::Point;
 use crate::problem::{Row, Satellite};
 use crate::solver::Solver;
@@ -26,20 +28,50 @@ const BARE_RATE_SIGMA_MPS: f64 = 0.05;
 /// Where a bare solver leads.
 pub(crate) struct ColdStart {
     pub state: Point<3>,
-    /// Linearisations spent.
-    pub iterations: usize,
-    /// The solver that did it.
-    pub solver: Solver,
+    /// How it came there.
+    pub start: FixStart,
     /// Other places that fit as well.
     pub alternatives: Vec<Point<3>>,
 }
 
-/// By the solver that the options name. `trace` sees each accepted step.
+/// By `solver`, or by [`Solver::Best`] where that fails. `trace` sees each accepted step.
 pub(crate) fn cold_start(
     adjustment: &Adjustment,
     set: &[Sighting],
+    solver: Solver,
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<ColdStart, PositioningError> {
+    let diverged = |cause| PositioningError::Diverged { satellites: set.len(), cause };
+    let rows = rows(adjustment, set);
+    let cause = match lead(&rows, set, solver, trace) {
+        Ok(mut cold) => {
+            if rows.len() <= 4 && !proves(solver) {
+                // Without redundancy there may be a second place, which only these look for.
+                let other = lead(&rows, set, Solver::Best, trace).ok();
+                let places = |other: ColdStart| other.alternatives.into_iter().chain([other.state]);
+                cold.alternatives = other.into_iter().flat_map(places).collect();
+            }
+            return Ok(cold);
+        }
+        Err(cause) if solver == Solver::Best || cause.is_of_the_input() => {
+            return Err(diverged(cause));
+        }
+        Err(cause) => cause,
+    };
+    let mut cold = lead(&rows, set, Solver::Best, trace).map_err(diverged)?;
+    cold.start.iterations += cause.iterations();
+    cold.start.failed =
+        Some(FailedStart { solver: solver.name(), cause: FailedStartCause::NoPlace(cause) });
+    Ok(cold)
+}
+
+/// Whether a solver weighs its observations and looks for other places that explain them.
+fn proves(solver: Solver) -> bool {
+    matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce)
+}
+
+/// The observations as rows of the bare model.
+fn rows(adjustment: &Adjustment, set: &[Sighting]) -> Vec<Row> {
     let observable = adjustment.options.observable;
     let (mut rows, mut rates) = (Vec::with_capacity(2 * set.len()), Vec::new());
     let time = adjustment.receive_time;
@@ -66,27 +98,33 @@ pub(crate) fn cold_start(
             rates.push(Row::range_rate(satellite(&state), value).with_sigma(sigma));
         }
     }
-    let solver = adjustment.options.solver;
-    // The paper's solvers are unweighted; only standard deviations let the others prove their result.
-    let proving = matches!(solver, Solver::Best | Solver::Bancroft | Solver::Vp | Solver::VpOnce);
-    let mixed = !rows.is_empty() && !rates.is_empty();
     rows.append(&mut rates);
-    if !proving && !mixed {
-        rows.iter_mut().for_each(|row| row.sigma = None);
-    }
-    match solver.solve_by(&rows, trace) {
-        Ok((solver, solution)) => Ok(ColdStart {
-            state: point(&solution.state, set),
-            iterations: solution.iterations,
-            solver,
-            alternatives: solution.alternatives.iter().map(|place| point(place, set)).collect(),
-        }),
+    rows
+}
+
+/// By one solver.
+fn lead(
+    rows: &[Row],
+    set: &[Sighting],
+    solver: Solver,
+    trace: &mut dyn FnMut(&Iteration),
+) -> Result<ColdStart, Failure> {
+    let mixed = rows.iter().any(|row| row.kind != rows[0].kind);
+    // The paper's solvers are unweighted; only standard deviations let the others prove their result.
+    let unweighted = (!mixed && !proves(solver))
+        .then(|| rows.iter().map(|row| Row { sigma: None, ..*row }).collect::<Vec<Row>>());
+    let cold = |solver: Solver, state: &Place, iterations, alternatives: &[Place]| ColdStart {
+        state: point(state, set),
+        start: FixStart { solver: solver.name(), iterations, failed: None },
+        alternatives: alternatives.iter().map(|place| point(place, set)).collect(),
+    };
+    match solver.solve_by(unweighted.as_deref().unwrap_or(rows), trace) {
+        Ok((solver, s)) => Ok(cold(solver, &s.state, s.iterations, &s.alternatives)),
         // Whether satellites contradict each other is for the full model to say.
         Err(Failure::Inconsistent { state, iterations, .. }) => {
             let solver = if solver == Solver::Best { Solver::Vp } else { solver };
-            let state = point(&state, set);
-            Ok(ColdStart { state, iterations, solver, alternatives: Vec::new() })
+            Ok(cold(solver, &state, iterations, &[]))
         }
-        Err(cause) => Err(PositioningError::Diverged { satellites: set.len(), cause }),
+        Err(cause) => Err(cause),
     }
 }

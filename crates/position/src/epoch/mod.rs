@@ -15,10 +15,14 @@ pub(crate) mod static_point;
 pub(crate) mod velocity;
 
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::fix::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel, Residual};
+use crate::fix::{
+    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, ProtectionLevel,
+    Residual,
+};
 use crate::options::{Exclusion, Observable, PositioningOptions};
 use crate::point::Point;
 use crate::problem::RowKind;
+use crate::solver::Solver;
 use crate::solver::point_solution::Iteration;
 pub(crate) use adjustment::ITERATES_M;
 use adjustment::{Adjusted, Adjustment, BIAS, DRIFT, Measured};
@@ -84,18 +88,39 @@ pub fn candidates<'a>(
 ) -> Result<Candidates<'a>, PositioningError> {
     let (sightings, dropped) = sightings(epoch, nav, options)?;
     let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
-    let cold_start = cold_start_of_most(&adjustment, &sightings, trace)?;
-    let start = &cold_start.state;
-    let above = above_mask(&adjustment, &sightings, start);
-    let mut hypotheses = Hypotheses::new(adjustment, above, start);
-    // A fault may have led to a place from where the wrong satellites seem below the mask.
-    if hypotheses.set.len() < sightings.len() && !hypotheses.explain() {
-        let all = Hypotheses::new(adjustment, sightings.clone(), start);
-        if all.explain() {
-            hypotheses = all;
+    let mut cold_start = cold_start_of_most(&adjustment, &sightings, options.solver, trace)?;
+    let mut hypotheses = hypotheses(adjustment, &sightings, &cold_start.state);
+    if !hypotheses.explain() && options.solver != Solver::Best && cold_start.start.failed.is_none()
+    {
+        let other = cold_start_of_most(&adjustment, &sightings, Solver::Best, trace);
+        let tried = other.map(|cold| (self::hypotheses(adjustment, &sightings, &cold.state), cold));
+        if let Some((others, mut cold)) = tried.ok().filter(|(others, _)| others.explain()) {
+            cold.start.iterations += cold_start.start.iterations;
+            cold.start.failed = Some(FailedStart {
+                solver: options.solver.name(),
+                cause: FailedStartCause::Unexplained,
+            });
+            (hypotheses, cold_start) = (others, cold);
         }
     }
     Ok(Candidates { epoch, adjustment, sightings, dropped, cold_start, hypotheses })
+}
+
+/// The fault hypotheses of the satellites above the mask, as seen from `start`.
+fn hypotheses<'a>(
+    adjustment: Adjustment<'a>,
+    sightings: &[Sighting<'a>],
+    start: &Point<3>,
+) -> Hypotheses<'a> {
+    let above = above_mask(&adjustment, sightings, start);
+    let all_above = above.len() == sightings.len();
+    let hypotheses = Hypotheses::new(adjustment, above, start);
+    // A fault may have led to a place from where the wrong satellites seem below the mask.
+    if all_above || hypotheses.explain() {
+        return hypotheses;
+    }
+    let all = Hypotheses::new(adjustment, sightings.to_vec(), start);
+    if all.explain() { all } else { hypotheses }
 }
 
 /// The observations of an epoch that the observable needs and that have an orbit, and the others.
@@ -125,9 +150,10 @@ fn sightings<'a>(
 fn cold_start_of_most(
     adjustment: &Adjustment,
     set: &[Sighting],
+    solver: Solver,
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<ColdStart, PositioningError> {
-    let all = cold_start(adjustment, set, trace);
+    let all = cold_start(adjustment, set, solver, trace);
     let spare = match adjustment.options.exclusion {
         Exclusion::Off => 0,
         _ => set.len().saturating_sub(5).min(2) as u32,
@@ -136,7 +162,7 @@ fn cold_start_of_most(
     let mut without = |faulty: Set| {
         let used = set.iter().enumerate().filter(|(k, _)| faulty >> k & 1 == 0);
         let used: Vec<Sighting> = used.map(|(_, sighting)| *sighting).collect();
-        cold_start(adjustment, &used, trace).ok()
+        cold_start(adjustment, &used, solver, trace).ok()
     };
     all.or_else(|error| fewer.find_map(&mut without).ok_or(error))
 }
@@ -181,7 +207,7 @@ impl<'a> Candidates<'a> {
         if options.exclusion == Exclusion::Off {
             let start = self.cold_start.state.clone();
             let set = self.masked(&start)?;
-            let point = self.adjustment.solve(set, start, self.cold_start.iterations)?;
+            let point = self.adjustment.solve(set, start, self.cold_start.start.iterations)?;
             return Ok(self.fix(&point, factor, &[], None));
         }
         for _ in 0..MASKED {
@@ -201,7 +227,7 @@ impl<'a> Candidates<'a> {
             }
             let used = above.into_iter().filter(|s| !faulty.contains(&s.sv())).collect();
             let alert_limit_m = self.hypotheses.alert_limit(&best, factor);
-            let iterations = self.cold_start.iterations;
+            let iterations = self.cold_start.start.iterations;
             let point = self.adjustment.solve(used, best.point.clone(), iterations)?;
             // What a robust loss, or weights by observable, make of it.
             let moved = (point.state.x - best.point.x).norm();
@@ -256,7 +282,7 @@ impl<'a> Candidates<'a> {
         /// Places that are named.
         const NAMED: usize = 4;
         let (set, start) = (self.hypotheses.set.clone(), self.cold_start.state.clone());
-        match self.adjustment.solve(set, start, self.cold_start.iterations) {
+        match self.adjustment.solve(set, start, self.cold_start.start.iterations) {
             Ok(point) if point.contradiction() > 1.0 => {
                 let mut error = point.inconsistent();
                 if let PositioningError::Inconsistent { places, .. } = &mut error {
@@ -291,10 +317,10 @@ impl<'a> Candidates<'a> {
         faulty: &[Sv],
         protection: Option<ProtectionLevel>,
     ) -> Fix {
-        let fix = fix(point, self.epoch.sample, faulty.to_vec(), self.adjustment.options);
+        let start = self.cold_start.start.clone();
+        let fix = fix(point, self.epoch.sample, faulty.to_vec(), start, self.adjustment.options);
         let below = self.below_mask(&point.state);
         Fix {
-            solver: self.cold_start.solver.name(),
             alternatives_m: self.other_places(point),
             covariance: fix.covariance * factor,
             clock_bias_sigma_s: fix.clock_bias_sigma_s.map(|sigma_s| sigma_s * factor.sqrt()),
@@ -313,7 +339,13 @@ impl<'a> Candidates<'a> {
 }
 
 /// The fix that an adjustment amounts to.
-fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &PositioningOptions) -> Fix {
+fn fix(
+    point: &Adjusted,
+    sample: f64,
+    mut excluded: Vec<Sv>,
+    start: FixStart,
+    options: &PositioningOptions,
+) -> Fix {
     // What Dopplers are compared with: the motion they give where they gave no position.
     let at_rest = options.observable != Observable::Pseudorange;
     let motion = if at_rest { None } else { motion(&point.used, &point.view.predictions) };
@@ -367,7 +399,7 @@ fn fix(point: &Adjusted, sample: f64, mut excluded: Vec<Sv>, options: &Positioni
             Observable::Both => FixMethod::Combined,
         },
         time_search: None,
-        solver: options.solver.name(),
+        start,
         alternatives_m: Vec::new(),
         iterations: point.iterations,
     }

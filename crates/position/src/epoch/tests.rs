@@ -3,7 +3,7 @@
 use super::predicted::Predicted;
 use super::*;
 use crate::simulated::{Truth, navigation_data};
-use crate::{Height, Robust, Solver};
+use crate::{Height, Robust};
 use nalgebra::Matrix3;
 use sdr_rx_gnss::Ephemeris;
 use sdr_rx_gnss::atmosphere::Troposphere;
@@ -179,7 +179,7 @@ fn dopplers_alone_and_both_observables_give_position_and_drift_back() {
             assert!(error_m < limit_m, "{observable:?}: {error_m}");
             let drift = fix.clock_drift_sps.unwrap() - truth.drift_sps;
             assert!(drift.abs() * SPEED_OF_LIGHT < 1e-3);
-            assert_eq!(fix.solver, solver.name());
+            assert_eq!((fix.start.solver, &fix.start.failed), (solver.name(), &None));
             assert!(fix.velocity_mps.is_none() && steps > 2 && steps < fix.iterations);
             assert_eq!(fix.clock_bias_s.is_none(), observable == Observable::Doppler);
         }
@@ -272,4 +272,20 @@ fn four_dopplers_name_every_place_that_explains_them() {
         found += usize::from(places.any(|p| (p - truth.position_m).norm() < DISTINCT_M));
     }
     assert!(solved > 100 && found == solved, "{found} of {solved}");
+}
+
+#[test]
+fn another_solver_takes_over_beyond_the_altitude_wall_and_the_fix_says_so() {
+    let nav = navigation_data();
+    let options = PositioningOptions { max_height_m: 1e6, ..PositioningOptions::default() };
+    let place = Geodetic::from_degrees(35.681298, 139.766247, 400e3);
+    let truth = Truth { position_m: place.to_ecef(), ..Truth::at_rest() };
+    let fix = solve_epoch(&truth.observe(&nav, &options, MASK), &nav, &options).unwrap();
+    assert!((fix.position_m - truth.position_m).norm() < 1e-3);
+    assert_eq!(fix.start.solver, Solver::Bancroft.name());
+    let failed = fix.start.failed.unwrap();
+    assert_eq!(failed.solver, Solver::AwDgnBt.name());
+    let FailedStartCause::NoPlace(cause) = failed.cause else { panic!("{:?}", failed.cause) };
+    assert!(cause.to_string().contains("altitude wall"), "{cause}");
+    assert!(cause.iterations() < fix.start.iterations && fix.start.iterations < fix.iterations);
 }

@@ -20,7 +20,7 @@ use super::time_window::TimeWindow;
 use super::{Found, NEEDED, finish, limit};
 use crate::epoch::sighting::Sighting;
 use crate::error::PositioningError;
-use crate::{Fix, PositioningOptions, TimeSearch};
+use crate::{Fix, FixStart, PositioningOptions, TimeSearch};
 use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::OMEGA_EARTH;
 use sdr_rx_gnss::observation::ObservationEpoch;
@@ -63,6 +63,7 @@ struct Hypothesis<'a> {
     set: Vec<Sighting<'a>>,
     region: CoarseFix,
     iterations: usize,
+    start: FixStart,
 }
 
 /// A set of whole periods that explains the code phases of a hypothesis.
@@ -138,7 +139,9 @@ impl<'a> Blind<'a> {
         for &cell in &self.window.cells {
             let (set, _) = self.window.sightings(cell.centre, excluded);
             let rows = set.iter().filter(|s| s.range_rate().is_some()).count();
-            for minimum in minima(&set, cell.centre, cell.half_s + MARGIN_S, limit(rows)) {
+            for minimum in
+                minima(&set, cell.centre, cell.half_s + MARGIN_S, limit(rows), self.options.solver)
+            {
                 let Some(hypothesis) = self.hypothesis(cell.centre, &minimum, excluded) else {
                     continue;
                 };
@@ -161,11 +164,13 @@ impl<'a> Blind<'a> {
     /// Looks where the best candidate has its aliases, for what the starts may have missed.
     fn add_aliases(&self, search: &mut Search<'a>, excluded: Option<Sv>) {
         let Some((at, time)) = search.candidates.first().map(|c| search.place(c)) else { return };
-        let drift_mps = search.candidates[0].found.fix.drift_mps;
+        let Found { fix: CoarseFix { drift_mps, .. }, start, .. } =
+            search.candidates[0].found.clone();
         for (k, time) in aliases(time).filter(|(_, t)| self.window.is_searched(*t, 0.0)) {
             let turn = if k % 2 == 0 { 1.0 } else { -1.0 };
             let place_time = Vector4::new(turn * at.x, turn * at.y, at.z, 0.0);
-            let minimum = Minimum { place_time, drift_mps, iterations: 0 };
+            let start = start.clone();
+            let minimum = Minimum { place_time, drift_mps, iterations: 0, start };
             let Some(hypothesis) = self.hypothesis(time, &minimum, excluded) else { continue };
             if search.hypotheses.iter().any(|h| h.is(&hypothesis)) {
                 continue;
@@ -198,7 +203,8 @@ impl<'a> Blind<'a> {
             && region.predictions.iter().all(|s| s.elevation > LOWEST)
             && self.window.is_searched(found, MARGIN_S);
         let iterations = minimum.iterations + region.iterations;
-        holds.then_some(Hypothesis { time, set, region, iterations })
+        let start = minimum.start.clone();
+        holds.then_some(Hypothesis { time, set, region, iterations, start })
     }
 
     fn problem(&self, time: GpsTime) -> CoarseTime<'_> {
@@ -218,8 +224,8 @@ impl<'a> Blind<'a> {
             let holds = fix.cost <= cost_limit && self.window.is_searched(time, ONE_TIME_S);
             let iterations = hypothesis.iterations + fix.iterations;
             // What is expected by chance has a bound of its own here.
-            let (set, below) = (set.to_vec(), Vec::new());
-            holds.then_some(Found { fix, set, below, integers, iterations, tried: 1 })
+            let (set, below, start) = (set.to_vec(), Vec::new(), hypothesis.start.clone());
+            holds.then_some(Found { fix, set, below, integers, start, iterations, tried: 1 })
         };
         prediction.integers(cost_limit - region.cost).into_iter().filter_map(solve).collect()
     }

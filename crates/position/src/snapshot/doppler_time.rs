@@ -14,13 +14,14 @@
 //! - A minimum at the edge of the cell is none: the neighbouring cell has it, or the window ends there.
 
 use crate::epoch::sighting::Sighting;
+use crate::fix::{FailedStart, FailedStartCause, FixStart};
 use crate::gauss_newton::{Damping, Model, Step, Stopped, Test, Verdict, Why, gauss_newton};
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::place::Place;
 use crate::point::Point;
 use crate::point::Terms;
 use crate::problem::{Row, RowKind, Satellite};
-use crate::solver::aw_dgn_bt::aw_dgn_bt;
+use crate::solver::Solver;
 use crate::solver::failure::Failure;
 use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::GpsTime;
@@ -47,7 +48,7 @@ const SAME_M: f64 = 5e3;
 const SAME_S: f64 = 10.0;
 
 /// A place and time that explain the Dopplers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Minimum {
     /// Position (ECEF, m), time against the cell's centre (s).
     pub place_time: Vector4<f64>,
@@ -55,23 +56,29 @@ pub(super) struct Minimum {
     pub drift_mps: f64,
     /// Linearisations from the start of the search.
     pub iterations: usize,
+    /// Where the search started.
+    pub start: FixStart,
 }
 
-/// All minima with a cost of at most `limit` within `half_s` of `time`, by the Dopplers of `set`.
-pub(super) fn minima(set: &[Sighting], time: GpsTime, half_s: f64, limit: f64) -> Vec<Minimum> {
+/// All minima with a cost of at most `limit` within `half_s` of `time`, by the Dopplers of `set`, from where `solver`
+/// leads and from the seeds.
+pub(super) fn minima(
+    set: &[Sighting],
+    time: GpsTime,
+    half_s: f64,
+    limit: f64,
+    solver: Solver,
+) -> Vec<Minimum> {
     let cell = Cell { set, time, half_s };
     let mut found: Vec<Minimum> = Vec::new();
-    let rows = rows(set, time);
-    let cold = from_the_centre(&rows).ok();
-    let spent = cold.map_or(0, |c| c.1);
-    for start in cold.map(|c| c.0).into_iter().chain(seeds(&rows)) {
-        let Some((minimum, cost)) = cell.descend(start) else { continue };
+    for (place, start) in starts(&rows(set, time), solver) {
+        let Some((minimum, cost)) = cell.descend(place, start) else { continue };
         let known = found.iter().any(|f| {
             let apart = f.place_time - minimum.place_time;
             apart.xyz().norm() < SAME_M && apart.w.abs() < SAME_S
         });
         if cost <= limit && !known {
-            found.push(Minimum { iterations: spent + minimum.iterations, ..minimum });
+            found.push(minimum);
         }
     }
     found
@@ -89,22 +96,27 @@ pub(super) fn rows(set: &[Sighting], time: GpsTime) -> Vec<Row> {
     set.iter().filter_map(row).collect()
 }
 
-/// Where AW-DGN-BT comes from the Earth's centre, and its iterations. Noise can put the optimum outside
-/// the wall: the place at the wall is a good start.
-pub(super) fn from_the_centre(rows: &[Row]) -> Result<(Vector4<f64>, usize), Failure> {
-    let start = |state: Place| state.position_m.push(state.clock());
-    match aw_dgn_bt(rows) {
-        Ok(c) => Ok((start(c.state), c.iterations)),
+/// Places and drifts to start from, and how they came about: where the solver leads from the Earth's centre, then the
+/// seeds. Noise can put the optimum outside the altitude wall: the place at the wall is a good start.
+pub(super) fn starts(rows: &[Row], solver: Solver) -> Vec<(Vector4<f64>, FixStart)> {
+    let from_place = |place: &Place| place.position_m.push(place.clock());
+    let (place, iterations, cause) = match solver.solve(rows, |_| ()) {
+        Ok(s) => (Some(from_place(&s.state)), s.iterations, FailedStartCause::Unexplained),
         Err(Failure::Jammed { state, iterations, .. } | Failure::TooSlow { state, iterations }) => {
-            Ok((start(state), iterations))
+            (Some(from_place(&state)), iterations, FailedStartCause::Unexplained)
         }
-        Err(cause) => Err(cause),
-    }
+        Err(cause) => (None, cause.iterations(), FailedStartCause::NoPlace(cause)),
+    };
+    let asked = FixStart { solver: solver.name(), iterations, failed: None };
+    let failed = Some(FailedStart { solver: solver.name(), cause });
+    let seeded = FixStart { solver: FixStart::SEEDS, iterations, failed };
+    let seeds = seeds(rows).map(|seed| (seed, seeded.clone()));
+    place.map(|place| (place, asked)).into_iter().chain(seeds).collect()
 }
 
 /// Starts for the Dopplers when the Earth's centre leads nowhere: below the satellites' centroid, and
 /// around it at 0.2 and 0.6 rad.
-pub(super) fn seeds(rows: &[Row]) -> impl Iterator<Item = Vector4<f64>> + use<> {
+fn seeds(rows: &[Row]) -> impl Iterator<Item = Vector4<f64>> + use<> {
     let centre: Vector3<f64> = rows.iter().map(|row| row.satellite.position_m.normalize()).sum();
     let centre = centre.try_normalize(1e-9).unwrap_or(Vector3::x());
     let side = centre.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(Vector3::x());
@@ -128,15 +140,15 @@ struct Cell<'a, 's> {
 impl Cell<'_, '_> {
     /// From a start (any point in the direction of the place, and drift) to a minimum inside the cell, and its
     /// cost.
-    fn descend(&self, start: Vector4<f64>) -> Option<(Minimum, f64)> {
-        let place = start.xyz().try_normalize(1e-9)? * EARTH_RADIUS;
-        let start = Point { x: place.push(0.0), clocks: Terms::from_elem(start.w, 1) };
+    fn descend(&self, from: Vector4<f64>, start: FixStart) -> Option<(Minimum, f64)> {
+        let place = from.xyz().try_normalize(1e-9)? * EARTH_RADIUS;
+        let from = Point { x: place.push(0.0), clocks: Terms::from_elem(from.w, 1) };
         let damping = Damping {
             test: Test::Descent { tau: 0.0, floor: 0.0 },
             least: LEAST,
             ..Damping::plain(MOST_ITERATIONS)
         };
-        let (point, cost, iterations) = match gauss_newton(self, start, &damping, |_| ()) {
+        let (point, cost, iterations) = match gauss_newton(self, from, &damping, |_| ()) {
             Ok(found) => (found.point, found.cost, found.iterations),
             // Nothing more is to be gained.
             Err(Stopped { point, cost, iterations, why: Why::Jammed { .. } }) => {
@@ -144,7 +156,9 @@ impl Cell<'_, '_> {
             }
             Err(_) => return None,
         };
-        let minimum = Minimum { place_time: point.x, drift_mps: point.clocks[0], iterations };
+        let iterations = start.iterations + iterations;
+        let drift_mps = point.clocks[0];
+        let minimum = Minimum { place_time: point.x, drift_mps, iterations, start };
         (point.x.w.abs() < self.half_s).then_some((minimum, cost))
     }
 }

@@ -1,6 +1,6 @@
 //! The position from a capture too short for its navigation message.
 //!
-//! 1. Doppler AW-DGN-BT from the Earth's centre, then Dopplers with time and a soft height
+//! 1. The solver of the options on Dopplers from the Earth's centre (AW-DGN-BT by default), then Dopplers with time and a soft height
 //!    ([`coarse_time`]): the region, to some 10 km.
 //! 2. Candidates every 80 km on rings around it, and every 40 s of the time that the Dopplers leave
 //!    open, each give the whole code periods against the highest satellite; every distinct set of
@@ -18,13 +18,13 @@ mod time_window;
 use crate::epoch::sighting::{Sighting, select};
 use crate::epoch::velocity::motion;
 use crate::error::{DropReason, Dropped, PositioningError};
-use crate::fix::{Doubt, Fix, FixMethod, Integrity, Residual};
+use crate::fix::{Doubt, Fix, FixMethod, FixStart, Integrity, Residual};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS};
 use crate::least_squares::{LeastSquares, LinearRow};
 use crate::options::PositioningOptions;
 use blind::solve_blind;
 use coarse_time::{CODE_PERIOD_M, CoarseFix, CoarseTime, TIME};
-use doppler_time::{from_the_centre, rows, seeds};
+use doppler_time::{rows, starts};
 use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::{EARTH_RADIUS, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::Geodetic;
@@ -206,6 +206,7 @@ struct Found<'a> {
     set: Vec<Sighting<'a>>,
     below: Vec<Dropped>,
     integers: Vec<i32>,
+    start: FixStart,
     iterations: usize,
     /// Sets of integers that were tried.
     tried: usize,
@@ -235,7 +236,7 @@ fn limit(rows: usize) -> f64 {
 
 /// From the Earth's centre to the one set of integers that explains the code phases.
 fn search<'a>(problem: &CoarseTime, set: &[Sighting<'a>]) -> Result<Found<'a>, PositioningError> {
-    let (region, spent) = region(problem, set)?;
+    let (region, start) = region(problem, set)?;
     let (above, below) = masked(problem, set, &region);
     // Atmosphere and reflections at the horizon are worse than their models.
     let (set, below, region) = if above.len() < NEEDED {
@@ -255,11 +256,11 @@ fn search<'a>(problem: &CoarseTime, set: &[Sighting<'a>]) -> Result<Found<'a>, P
         if !tried.insert(integers.clone()) {
             continue;
         }
-        let (start, drift_mps) = (region.place_time + offset, region.drift_mps);
-        if let Some(fix) = problem.solve(set, Some((&integers, bias_m)), start, drift_mps) {
-            let iterations = spent + fix.iterations;
-            let (set, below) = (set.to_vec(), below.clone());
-            solutions.push(Found { fix, set, below, integers, iterations, tried: 0 });
+        let (at, drift_mps) = (region.place_time + offset, region.drift_mps);
+        if let Some(fix) = problem.solve(set, Some((&integers, bias_m)), at, drift_mps) {
+            let iterations = start.iterations + region.iterations + fix.iterations;
+            let (set, below, start) = (set.to_vec(), below.clone(), start.clone());
+            solutions.push(Found { fix, set, below, integers, start, iterations, tried: 0 });
         }
     }
     solutions.sort_by(|a, b| a.fix.cost.total_cmp(&b.fix.cost));
@@ -285,23 +286,20 @@ fn masked(problem: &CoarseTime, set: &[Sighting], fix: &CoarseFix) -> (Vec<usize
     (above, below.into_iter().map(dropped).collect())
 }
 
-/// Where the Dopplers put the receiver, and the iterations that took.
-fn region(problem: &CoarseTime, set: &[Sighting]) -> Result<(CoarseFix, usize), PositioningError> {
+/// Where the Dopplers put the receiver, and how it came there.
+fn region(
+    problem: &CoarseTime,
+    set: &[Sighting],
+) -> Result<(CoarseFix, FixStart), PositioningError> {
     let rows = rows(set, problem.time);
-    let (cold, spent) = from_the_centre(&rows)
-        .map_err(|cause| PositioningError::Diverged { satellites: set.len(), cause })?;
     let cost_limit = limit(rows.len());
-    std::iter::once(cold)
-        .chain(seeds(&rows))
-        .filter_map(|seed| {
-            let start = (seed.xyz().normalize() * EARTH_RADIUS).push(0.0);
-            problem.solve(set, None, start, seed.w)
+    starts(&rows, problem.options.solver)
+        .into_iter()
+        .filter_map(|(place, start)| {
+            let at = (place.xyz().normalize() * EARTH_RADIUS).push(0.0);
+            problem.solve(set, None, at, place.w).map(|fix| (fix, start))
         })
-        .find(|fix| fix.cost <= cost_limit)
-        .map(|fix| {
-            let iterations = spent + fix.iterations;
-            (fix, iterations)
-        })
+        .find(|(fix, _)| fix.cost <= cost_limit)
         .ok_or(PositioningError::Unexplained {
             what: "Dopplers",
             satellites: set.len(),
@@ -463,7 +461,7 @@ fn finish(
         unused,
         excluded,
         method: FixMethod::Snapshot,
-        solver: "aw-dgn-bt",
+        start: found.start,
         time_search: None,
         alternatives_m: Vec::new(),
         iterations: found.iterations,

@@ -24,7 +24,6 @@ use variable_projection::variable_projection;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Solver {
     /// `best`: `bancroft` for pseudoranges alone by one clock, and `vp` for all else and where that fails.
-    #[default]
     Best,
     /// `gn`: Gauss-Newton with full steps.
     Gn,
@@ -35,6 +34,7 @@ pub enum Solver {
     /// `aw-dgn:MU0`: as `adgn:MU0`, with the altitude wall.
     AwDgn(f64),
     /// `aw-dgn-bt`: as `adgn-bt`, with the altitude wall.
+    #[default]
     AwDgnBt,
     /// `vp`: variable projection with restarts.
     Vp,
