@@ -81,6 +81,7 @@ impl Printed<'_> {
             navigation: &self.record.navigation,
             sbas: &self.record.sbas,
             noise: self.record.noise.as_ref(),
+            interferers: &self.record.interferers,
             warnings: &warnings,
             reason: reason.as_deref(),
             first_fix_s: self.record.first_fix_s,

@@ -231,6 +231,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         navigation: &navigation,
         sbas: &[],
         noise: None,
+        interferers: &[],
         warnings: &warnings,
         reason: reason.as_deref(),
         first_fix_s: solved.fixes.first().map(|fix| fix.sample),

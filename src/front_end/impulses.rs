@@ -6,6 +6,7 @@
 
 use super::efficacy::{Effect, Map};
 use super::mixture::{BINS, Mixture, PowerHistogram, bin, middle};
+use super::scale_mixture::{Measured, ScaleMixture};
 use crate::capture::{Block, StreamInfo};
 use multiversion::multiversion;
 use num_complex::Complex32;
@@ -139,6 +140,10 @@ struct Channel {
     scale: f32,
     /// The noise of scaled samples, where a map is in effect.
     noise: Option<Mixture>,
+    /// The finer fit of the locally optimum map, of the same scale.
+    fit: Option<ScaleMixture>,
+    /// Losses against the background alone without and with the map, dB.
+    losses_db: [f64; 2],
     /// Weight by bin of scaled power.
     weights: Box<[f32; BINS]>,
     powers: PowerHistogram,
@@ -152,6 +157,9 @@ struct Sums {
     treated: f64,
     probability: f64,
     log_ratio: f64,
+    /// Losses against the background alone, dB: without and with the map.
+    untreated_db: f64,
+    treated_db: f64,
 }
 
 impl ImpulseSuppressor {
@@ -160,6 +168,8 @@ impl ImpulseSuppressor {
         let channel = Channel {
             scale: 1.0,
             noise: None,
+            fit: None,
+            losses_db: [0.0; 2],
             weights: Box::new([1.0; BINS]),
             powers: PowerHistogram::default(),
             sums: Sums::default(),
@@ -215,15 +225,11 @@ impl ImpulseSuppressor {
 
     /// The report on the stream so far; `None` where nothing was mapped.
     pub fn report(&self) -> Option<ImpulseReport> {
-        let map = self.suppression.map()?;
         let total = |f: fn(&Sums) -> f64| self.channels.iter().map(|c| f(&c.sums)).sum::<f64>();
         let treated = total(|s| s.treated);
         if treated == 0.0 {
             return None;
         }
-        let (probability, ratio) =
-            (total(|s| s.probability) / treated, (total(|s| s.log_ratio) / treated).exp());
-        let noise = Mixture { probability, background: 1.0, impulse: ratio, real: self.real };
         Some(ImpulseReport {
             suppression: match self.suppression {
                 Suppression::Auto => Suppression::Optimal,
@@ -231,10 +237,10 @@ impl ImpulseSuppressor {
             }
             .to_string(),
             treated: treated / total(|s| s.seen),
-            impulse_probability: probability,
-            variance_ratio: ratio,
-            untreated_loss_db: Map::Linear.loss_db(&noise),
-            loss_db: map.loss_db(&noise),
+            impulse_probability: total(|s| s.probability) / treated,
+            variance_ratio: (total(|s| s.log_ratio) / treated).exp(),
+            untreated_loss_db: total(|s| s.untreated_db) / treated,
+            loss_db: total(|s| s.treated_db) / treated,
         })
     }
 }
@@ -255,12 +261,43 @@ impl Channel {
         self.powers.clear();
         self.powers.add_samples(samples, scale);
         if self.powers.total() >= MIN_SAMPLES {
+            if self.scale != scale {
+                self.fit = None;
+            }
             self.scale = scale;
             self.noise = distribution(&self.powers, forced, real);
-            if let Some(noise) = &self.noise {
-                tabulate(map, noise, &mut self.weights);
+            if let Some(noise) = self.noise {
+                self.tabulate(map, &noise);
             }
         }
+    }
+
+    /// Tabulates a map of unit gain for weak signals. Powers that are not finite get no weight.
+    fn tabulate(&mut self, map: Map, noise: &Mixture) {
+        let fit = match map {
+            Map::Optimal => ScaleMixture::fit(&self.powers, noise.real, self.fit.as_ref()),
+            _ => None,
+        };
+        if let Some(fit) = &fit {
+            let (weights, Measured { information, power }) = fit.weights(&self.powers);
+            for (weight, w) in self.weights.iter_mut().zip(weights) {
+                *weight = (w / information) as f32;
+            }
+            let db = |ratio: f64| 10.0 * ratio.log10();
+            self.losses_db = [db(power / noise.background), -db(information * noise.background)];
+        } else {
+            let Effect { signal, .. } = map.effect(noise);
+            for (k, weight) in self.weights.iter_mut().enumerate() {
+                let power = middle(k);
+                *weight = if power.is_finite() {
+                    (map.weight(noise, power) / signal) as f32
+                } else {
+                    0.0
+                };
+            }
+            self.losses_db = [Map::Linear.loss_db(noise), map.loss_db(noise)];
+        }
+        self.fit = fit;
     }
 
     fn apply(&mut self, samples: &mut [Complex32]) {
@@ -270,6 +307,8 @@ impl Channel {
             self.sums.treated += n;
             self.sums.probability += n * noise.probability;
             self.sums.log_ratio += n * (noise.impulse / noise.background).ln();
+            self.sums.untreated_db += n * self.losses_db[0];
+            self.sums.treated_db += n * self.losses_db[1];
             multiply(samples, self.scale, &self.weights);
         }
     }
@@ -292,15 +331,6 @@ fn scale<'a>(samples: impl Iterator<Item = &'a Complex32>) -> Option<f32> {
     let finite = samples.flat_map(|z| [z.re.abs(), z.im.abs()]).filter(|x| x.is_finite());
     let peak = finite.fold(0f32, f32::max);
     (peak > 0.0).then(|| 2f32.powi(-(f64::from(peak).log2().floor().clamp(-126.0, 126.0) as i32)))
-}
-
-/// Tabulates a map of unit gain for weak signals. Powers that are not finite get no weight.
-fn tabulate(map: Map, noise: &Mixture, weights: &mut [f32; BINS]) {
-    let Effect { signal, .. } = map.effect(noise);
-    for (k, weight) in weights.iter_mut().enumerate() {
-        let power = middle(k);
-        *weight = if power.is_finite() { (map.weight(noise, power) / signal) as f32 } else { 0.0 };
-    }
 }
 
 /// One pass: 8 bytes read and written a sample, and a weight first up in 16 KiB.

@@ -64,7 +64,7 @@ impl PowerHistogram {
     ///
     /// Zeros are values of a converter, or samples that were lost. A converter gives about as many as of the
     /// smallest power next to them, and they represent a fraction of it; more are not counted.
-    fn cells(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(super) fn cells(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let finite = &self.counts[..BINS - (1 << BITS)];
         let filled = |n: &u32| *n > 0;
         let start = finite[1..].iter().position(filled).map_or(BINS, |k| k + 1).min(finite.len());
@@ -91,14 +91,15 @@ impl PowerHistogram {
         self.cells().map(|(power, n)| power * n).sum::<f64>() / self.total()
     }
 
-    fn median(&self) -> Option<f64> {
-        let half = self.total() / 2.0;
+    /// The power that a part of those counted does not exceed.
+    pub(super) fn quantile(&self, part: f64) -> Option<f64> {
+        let below = part * self.total();
         let mut seen = 0.0;
-        let middle = self.cells().find(|c| {
+        let cell = self.cells().find(|c| {
             seen += c.1;
-            seen >= half
+            seen >= below
         });
-        middle.map(|c| c.0)
+        cell.map(|c| c.0)
     }
 
     /// Excess of the spread of the powers over that of Gaussian noise: the larger of two measures, each over
@@ -154,7 +155,7 @@ impl Mixture {
     /// Cost: some 150 iterations of one exponential for each bin that is not empty, 0.3 ms in all.
     pub fn fit(powers: &PowerHistogram, real: bool) -> Option<Self> {
         // Median of |z|^2: ln 2 of the variance, of real samples 0.4549 (chi-square of one degree).
-        let gaussian = powers.median()? / if real { 0.4549 } else { std::f64::consts::LN_2 };
+        let gaussian = powers.quantile(0.5)? / if real { 0.4549 } else { std::f64::consts::LN_2 };
         let fits = STARTS.into_iter().map(|[probability, background, impulse]| {
             let start = Self {
                 probability,

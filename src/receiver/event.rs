@@ -3,6 +3,7 @@
 use crate::acquisition::{MissingSamples, Refined};
 use crate::array::{Bearing, Jammer, SkyEpoch};
 use crate::capture::Note;
+use crate::front_end::Interferer;
 use crate::gnss::message::Update;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::signal::L1_CENTRE_HZ;
@@ -112,6 +113,13 @@ pub enum Notice {
         /// Strongest first.
         jammers: Vec<Jammer>,
     },
+    /// Interference was excised from the samples of one antenna, from this time on.
+    Excised {
+        /// Seconds from the first sample.
+        from_s: f64,
+        /// All so far, strongest first.
+        interferers: Vec<Interferer>,
+    },
     /// Part of a snapshot's time uncertainty that was not searched, h.
     TimeLeftOut(f64),
     /// Something about the directions of the satellites is suspect: from the start, or from a time on (s).
@@ -199,6 +207,10 @@ impl fmt::Display for Notice {
             Self::Interference { from_s, jammers } => {
                 let all: Vec<String> = jammers.iter().map(jammer).collect();
                 write!(f, "from {from_s:.0} s on {} had to be removed", all.join(" and "))
+            }
+            Self::Excised { from_s, interferers } => {
+                let all: Vec<String> = interferers.iter().map(Interferer::to_string).collect();
+                write!(f, "from {from_s:.1} s on interference is removed: {}", all.join("; "))
             }
             Self::TimeLeftOut(hours) => write!(
                 f,

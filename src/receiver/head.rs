@@ -63,12 +63,12 @@ impl Gathering {
     }
 
     /// Takes the next chunk of samples; whether that is enough.
-    pub(super) fn take(&mut self, raw: &mut Block, stages: &mut Stages) -> bool {
+    pub(super) fn take(&mut self, raw: &mut Block, stages: &mut Stages, last: bool) -> bool {
         let mut block = Block::default();
         if raw.channels() > 1 {
             self.raws.push(raw.clone());
         }
-        stages.treat(raw, &mut block);
+        stages.treat(raw, &mut block, last);
         self.len += block.len();
         self.blocks.push(block);
         self.len >= self.want
@@ -82,7 +82,7 @@ impl Gathering {
             let mut plain = self.plain;
             let treated = |raw: &mut Block| {
                 let mut block = Block::default();
-                plain.treat(raw, &mut block);
+                plain.treat(raw, &mut block, false);
                 block
             };
             let untouched: Vec<Block> = self.raws.iter_mut().map(treated).collect();

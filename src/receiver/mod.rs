@@ -28,7 +28,7 @@ use crate::acquisition::{AcquisitionError, SearchOptions};
 use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, BeamKind, LookOptions, SkyEpoch};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
-use crate::front_end::{ImpulseReport, Suppression};
+use crate::front_end::{ImpulseReport, Interferer, Suppression};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{GpsTime, NavigationData};
 use crate::position::PositioningOptions;
@@ -77,7 +77,8 @@ pub struct ReceiverOptions {
     pub look: LookOptions,
     /// How an array's beams to the satellites are made.
     pub beams: BeamKind,
-    /// Suppression of impulsive noise, the first stage.
+    /// Suppression of impulsive noise, the first stage; [`Suppression::Auto`] also excises other interference from the
+    /// samples of one antenna.
     pub suppression: Suppression,
     /// Integer factor by which the rate is lowered after that.
     pub decimation: usize,
@@ -199,6 +200,8 @@ pub struct Receiver {
     snapshot: Option<SnapshotHead>,
     /// Samples of the head, at the receiver's rate.
     head_samples: u64,
+    /// Interferers that were reported.
+    told: usize,
 }
 
 enum State {
@@ -216,6 +219,8 @@ pub struct End {
     pub samples: u64,
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<ImpulseReport>,
+    /// Interference that was excised from the samples of one antenna, strongest first.
+    pub interferers: Vec<Interferer>,
     /// What the tracks measured, where there were any.
     pub tracks: Option<Tracks>,
     /// The start of the stream, where a snapshot can be made of it.
@@ -246,6 +251,7 @@ impl Receiver {
             next: Block::default(),
             snapshot: None,
             head_samples: 0,
+            told: 0,
             options,
         })
     }
@@ -285,7 +291,7 @@ impl Receiver {
         let len = block.len();
         while used < len && !self.is_done() {
             if self.chunks.take(block, &mut used) {
-                self.take_chunk(emit)?;
+                self.take_chunk(false, emit)?;
             }
         }
         Ok(())
@@ -296,8 +302,8 @@ impl Receiver {
     /// # Errors
     /// When the search of a stream that ends with its start is impossible.
     pub fn finish(mut self, emit: &mut Emit) -> Result<End, ReceiverError> {
-        if self.chunks.rest() {
-            self.take_chunk(emit)?;
+        if self.chunks.rest() || self.stages.holds() {
+            self.take_chunk(true, emit)?;
         }
         if matches!(self.state, State::Gathering(_)) {
             self.begin(true, emit)?;
@@ -306,6 +312,7 @@ impl Receiver {
             rate_hz: self.stages.rate_hz(),
             samples: self.head_samples,
             noise: self.stages.noise(),
+            interferers: self.stages.interferers(),
             tracks: None,
             snapshot: self.snapshot,
         };
@@ -317,26 +324,33 @@ impl Receiver {
         Ok(end)
     }
 
-    /// Takes the chunk that has been gathered.
-    fn take_chunk(&mut self, emit: &mut Emit) -> Result<(), ReceiverError> {
+    /// Takes the chunk that has been gathered, the `last` of the stream or not.
+    fn take_chunk(&mut self, last: bool, emit: &mut Emit) -> Result<(), ReceiverError> {
         let (stages, next) = (&mut self.stages, &mut self.next);
         let raw = self.chunks.chunk();
         match &mut self.state {
             State::Gathering(gathering) => {
-                if gathering.take(raw, stages) {
+                if gathering.take(raw, stages, last) {
                     let ends = self.info.samples == Some(self.chunks.position());
                     self.begin(ends, emit)?;
                 }
             }
             State::Tracking(tracker) => {
                 // While the channels track, the next chunk is conditioned.
-                rayon::join(|| stages.treat(raw, next), || tracker.advance());
+                rayon::join(|| stages.treat(raw, next, last), || tracker.advance());
                 tracker.settle(stages.interference(), &self.options, emit)?;
                 if !next.is_empty() {
                     tracker.take(next);
                 }
             }
             State::Done => (),
+        }
+        let interferers = self.stages.interferers();
+        if interferers.len() > self.told {
+            self.told = interferers.len();
+            let from_s = self.chunks.position() as f64 / self.info.rate_hz - CHUNK_S;
+            let from_s = from_s.max(0.0);
+            emit(Event::Notice(Notice::Excised { from_s, interferers }));
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::event::{NoFix, Notice};
 use crate::acquisition::Refined;
 use crate::array::{ArraySky, SkyEpoch};
-use crate::front_end::ImpulseReport;
+use crate::front_end::{ImpulseReport, Interferer};
 use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{NavigationData, Sv};
@@ -34,6 +34,8 @@ pub struct Record {
     pub sky_epochs: Vec<SkyEpoch>,
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<ImpulseReport>,
+    /// Interference that was excised from the samples of one antenna, strongest first.
+    pub interferers: Vec<Interferer>,
     /// Notices to the user.
     pub notices: Vec<Notice>,
     /// Why there is no fix.

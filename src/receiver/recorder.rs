@@ -35,6 +35,7 @@ impl Recorder {
         record.navigation = options.navigation.clone();
         record.samples = end.samples;
         record.noise = end.noise;
+        record.interferers = end.interferers;
         if let Some(tracks) = end.tracks {
             record.samples = tracks.samples;
             record.decoded = tracks.decoded.clone();

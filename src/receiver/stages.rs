@@ -4,14 +4,18 @@ use super::spatial::SpatialFilter;
 use super::{ReceiverError, ReceiverOptions};
 use crate::array::sky::interference::Interference;
 use crate::capture::{Block, StreamInfo};
-use crate::front_end::{Conditioner, ImpulseReport, ImpulseSuppressor};
+use crate::front_end::{
+    Conditioner, Excisor, ImpulseReport, ImpulseSuppressor, Interferer, Suppression,
+};
 use num_complex::Complex64;
 
-/// Removal of jammers, suppression of impulses, conversion to baseband with decimation, calibration; in this order.
+/// Removal of jammers, by an array or by excision, suppression of impulses, conversion to baseband with decimation, calibration; in this order.
 #[derive(Clone)]
 pub(super) struct Stages {
     real: bool,
     spatial: Option<SpatialFilter>,
+    /// Of one antenna.
+    excisor: Option<Excisor>,
     suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
     calibration: Option<Vec<Complex64>>,
@@ -26,6 +30,8 @@ impl Stages {
         Ok(Self {
             real: info.real,
             spatial: (channels > 1).then(SpatialFilter::default),
+            excisor: (channels == 1 && options.suppression == Suppression::Auto)
+                .then(|| Excisor::new(info)),
             suppressor: ImpulseSuppressor::new(options.suppression, info),
             conditioner: Conditioner::new(info, options.decimation),
             calibration: options.array.as_ref().and_then(|a| a.calibration.clone()),
@@ -37,14 +43,17 @@ impl Stages {
         Self { spatial: None, ..self.clone() }
     }
 
-    /// Treats the next block: `raw` is changed on the way to `block`.
-    pub(super) fn treat(&mut self, raw: &mut Block, block: &mut Block) {
+    /// Treats the next block, which is the `last`, or not: `raw` is changed on the way to `block`. Where interference is
+    /// excised some samples wait for those after them.
+    pub(super) fn treat(&mut self, raw: &mut Block, block: &mut Block, last: bool) {
         // Real samples hold each wave twice, with opposite phases: jammers are removed from them when they
         // are complex.
         if let Some(spatial) = self.spatial.as_mut().filter(|_| !self.real) {
             spatial.process(raw);
         }
-        self.suppressor.process(raw);
+        if !self.excisor.as_mut().is_some_and(|excisor| excisor.process(raw, last)) {
+            self.suppressor.process(raw);
+        }
         if self.conditioner.is_identity() {
             std::mem::swap(raw, block);
         } else {
@@ -65,7 +74,17 @@ impl Stages {
 
     /// Impulsive noise found so far.
     pub(super) fn noise(&self) -> Option<ImpulseReport> {
-        self.suppressor.report()
+        self.suppressor.report().or_else(|| self.excisor.as_ref()?.impulses())
+    }
+
+    /// Interference of one antenna found so far, strongest first.
+    pub(super) fn interferers(&self) -> Vec<Interferer> {
+        self.excisor.as_ref().map_or(Vec::new(), Excisor::interferers)
+    }
+
+    /// Whether samples wait for those after them.
+    pub(super) fn holds(&self) -> bool {
+        self.excisor.as_ref().is_some_and(Excisor::holds)
     }
 
     /// The stream behind the stages.

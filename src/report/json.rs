@@ -4,7 +4,7 @@ use super::array_sky::{ArraySkyRecord, DirectionRecord, directions};
 use super::{Accuracy, Input, Oscillators, Run};
 use crate::acquisition::Acquisition;
 use crate::capture::StreamInfo;
-use crate::front_end::ImpulseReport;
+use crate::front_end::{ImpulseReport, Interferer};
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::message::sbas;
@@ -23,6 +23,8 @@ pub struct Document {
     capture: Capture,
     #[serde(skip_serializing_if = "Option::is_none")]
     noise: Option<ImpulseReport>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    interference: Vec<Interferer>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sky: Option<ArraySkyRecord>,
     acquisitions: Vec<AcquisitionRecord>,
@@ -174,6 +176,7 @@ impl Document {
             seed: run.seed,
             capture: Capture::new(run.capture, &run.input),
             noise: run.noise.cloned(),
+            interference: run.interferers.to_vec(),
             sky: run.sky.map(ArraySkyRecord::new),
             acquisitions: run.acquisitions.iter().map(AcquisitionRecord::new).collect(),
             sbas: run.sbas.iter().map(SbasRecord::new).collect(),

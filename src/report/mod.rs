@@ -40,7 +40,7 @@ pub use table::{acquisition_table, fix_table, noise_line, sky_plot_text};
 use crate::acquisition::Acquisition;
 use crate::array::{ArraySky, SkyEpoch};
 use crate::capture::StreamInfo;
-use crate::front_end::ImpulseReport;
+use crate::front_end::{ImpulseReport, Interferer};
 use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{NavigationData, Sv};
@@ -91,6 +91,8 @@ pub struct Run<'a> {
     pub sbas: &'a [(Sv, sbas::SbasMessage)],
     /// Impulsive noise, where some was found and suppressed.
     pub noise: Option<&'a ImpulseReport>,
+    /// Interference that was excised from the samples of one antenna.
+    pub interferers: &'a [Interferer],
     /// Notices to the user.
     pub warnings: &'a [String],
     /// Why there is no fix.

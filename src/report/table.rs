@@ -2,6 +2,7 @@
 
 use super::{Accuracy, Input, Oscillators, Run, SatelliteInView, Summary, counted};
 use crate::acquisition::Acquisition;
+use crate::front_end::Interferer;
 use crate::gnss::coordinates::Geodetic;
 use crate::position::{Doubt, Fix, Integrity};
 use std::f64::consts::FRAC_PI_2;
@@ -35,9 +36,12 @@ fn bar(cn0_dbhz: f64) -> String {
     "#".repeat(halves / 2) + if halves % 2 == 1 { "+" } else { "" }
 }
 
-/// Impulsive noise and its suppression; empty where there was none.
+/// Interference, impulsive noise and their suppression; empty where there were none.
 pub fn noise_line(run: &Run) -> String {
-    run.noise.map_or(String::new(), |noise| {
+    let line = |interferer: &Interferer| format!("  interference {interferer}, removed\n");
+    let lines: String = run.interferers.iter().map(line).collect();
+    let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
+    lines + &run.noise.map_or(String::new(), |noise| {
         let part = match noise.treated {
             t if t < 0.995 => format!(" in {:.0} % of the samples", 100.0 * t),
             _ => String::new(),

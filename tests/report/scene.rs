@@ -66,6 +66,7 @@ impl Scene {
             sky_epochs: &[],
             sbas: &[],
             noise: None,
+            interferers: &[],
             capture: "scene & co.bin",
             input: Input::Samples(&self.stream),
             acquisitions: &self.acquisitions,
