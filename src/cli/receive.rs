@@ -56,7 +56,7 @@ pub struct Receive {
     /// interference too weak to be detected
     #[arg(long, value_name = "KIND", default_value = "conventional", help_heading = "Array")]
     pub beam: BeamArg,
-    /// Impulsive noise: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
+    /// Impulsive noise, and with auto other interference of one antenna too: auto, off, optimal, blank, clip or sign (blank:2.5 sets a threshold, sigma)
     #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Search")]
     pub suppress: Suppression,
     /// Threads; the result is the same for any number [default: all processors]

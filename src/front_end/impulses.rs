@@ -209,6 +209,11 @@ impl ImpulseSuppressor {
         self.channels[channel].apply(samples);
     }
 
+    /// Counts samples as mapped by the last estimate, which the caller's own weights stand for.
+    pub(super) fn count(&mut self, channel: usize, samples: usize) {
+        self.channels[channel].count(samples);
+    }
+
     /// The weights that [`Self::apply`] would multiply samples by: all 1 where no map is in effect.
     ///
     /// # Panics
@@ -301,7 +306,14 @@ impl Channel {
     }
 
     fn apply(&mut self, samples: &mut [Complex32]) {
-        let n = samples.len() as f64;
+        self.count(samples.len());
+        if self.noise.is_some() {
+            multiply(samples, self.scale, &self.weights);
+        }
+    }
+
+    fn count(&mut self, samples: usize) {
+        let n = samples as f64;
         self.sums.seen += n;
         if let Some(noise) = &self.noise {
             self.sums.treated += n;
@@ -309,7 +321,6 @@ impl Channel {
             self.sums.log_ratio += n * (noise.impulse / noise.background).ln();
             self.sums.untreated_db += n * self.losses_db[0];
             self.sums.treated_db += n * self.losses_db[1];
-            multiply(samples, self.scale, &self.weights);
         }
     }
 }

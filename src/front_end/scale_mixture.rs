@@ -17,6 +17,8 @@ const ROUNDS_FIRST: usize = 150;
 const ROUNDS: usize = 12;
 /// Where the grid starts: the quantile of the powers.
 const QUANTILE: f64 = 0.1;
+/// Fraction of the samples that the power of a converter's step has.
+const STEP_FRACTION: f64 = 0.01;
 /// Least fraction of a variance at the start of a fit.
 const LEAST: f64 = 1e-9;
 
@@ -54,7 +56,12 @@ impl ScaleMixture {
         let cells: Vec<(f64, f64)> = powers.cells().collect();
         let greatest = cells.last()?.0;
         let half = if real { 0.5 } else { 1.0 };
-        let (first, last) = (index(powers.quantile(QUANTILE)?), index(greatest));
+        let total: f64 = cells.iter().map(|c| c.1).sum();
+        // Of a converter that shows its steps, variances below them would fit the steps.
+        let step = cells.iter().find(|c| c.1 > STEP_FRACTION * total).map_or(0.0, |c| c.0);
+        let is_step = cells.first()?.0 * 8.0 > step;
+        let least = if is_step { 2.0 * step } else { 0.0 };
+        let (first, last) = (index(powers.quantile(QUANTILE)?.max(least)), index(greatest));
         let count = (last + 1).saturating_sub(first).max(1);
         let start = |k: usize| {
             let known = earlier.map(|e| {
@@ -76,7 +83,6 @@ impl ScaleMixture {
                 (0..count).map(move |k| (scale * density(*p, k)) as f32)
             })
             .collect();
-        let total: f64 = cells.iter().map(|c| c.1).sum();
         let rounds = if earlier.is_some() { ROUNDS } else { ROUNDS_FIRST };
         let mut sums = vec![0f32; count];
         for _ in 0..rounds {

@@ -8,6 +8,7 @@ use super::jammer::JammerSettings;
 use super::noise::GaussianMixture;
 use super::receiver::{MAX_ACCELERATION, Motion, SimulatedReceiver};
 use super::values;
+use super::variance::{Bursts, VarianceSource};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::atmosphere::{Klobuchar, Troposphere};
 use crate::gnss::{GpsTime, Sv};
@@ -184,6 +185,17 @@ pub struct Noise {
     /// Variance of impulsive samples over that of the background.
     #[serde(default = "one", deserialize_with = "values::positive")]
     pub impulse_variance_ratio: f64,
+    /// Exponent of isotropic alpha-stable noise, 0.3 to 2; absent, or 2: Gaussian. The background's variance is that of
+    /// the same dispersion at 2.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "values::stable_exponent"
+    )]
+    pub stable_exponent: Option<f64>,
+    /// Bursts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bursts: Option<BurstSettings>,
     /// Fraction of the impulses, 0 to 1, that are at all elements of an array at once.
     #[serde(default, rename = "impulse_common_share", deserialize_with = "values::zero_to_one")]
     pub impulse_common_fraction: f64,
@@ -205,8 +217,25 @@ impl Default for Noise {
             impulse_probability: 0.0,
             impulse_variance_ratio: 1.0,
             impulse_common_fraction: 0.0,
+            stable_exponent: None,
+            bursts: None,
         }
     }
+}
+
+/// Bursts of noise: slots of equal length that are bursts independently of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BurstSettings {
+    /// Fraction of the time, 0 to 1.
+    #[serde(deserialize_with = "values::zero_to_one")]
+    pub fraction: f64,
+    /// Length of a slot, s: the mean length of a burst is `slot_s / (1 - fraction)`.
+    #[serde(deserialize_with = "values::positive")]
+    pub slot_s: f64,
+    /// Variance in a burst over that outside.
+    #[serde(deserialize_with = "values::positive")]
+    pub variance_ratio: f64,
 }
 
 impl Noise {
@@ -216,6 +245,21 @@ impl Noise {
             probability: self.impulse_probability,
             ratio: self.impulse_variance_ratio,
         }
+    }
+
+    /// What changes from sample to sample, at a channel and a rate.
+    pub(super) fn variance(
+        &self,
+        rate_hz: f64,
+        seed: u64,
+        channel: usize,
+    ) -> Option<VarianceSource> {
+        let bursts = self.bursts.map(|b| Bursts {
+            fraction: b.fraction,
+            slot: ((b.slot_s * rate_hz).round() as u64).max(1),
+            ratio: b.variance_ratio,
+        });
+        VarianceSource::new(self.stable_exponent, bursts, seed, channel)
     }
 }
 

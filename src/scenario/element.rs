@@ -4,12 +4,14 @@ use super::Scenario;
 use super::emission::Emission;
 use super::jammer::Interference;
 use super::noise::NoiseSource;
+use super::variance::VarianceSource;
 use num_complex::Complex32;
 
 /// One antenna element.
 pub(super) struct Element {
     channel: usize,
     noise: Option<NoiseSource>,
+    variance: Option<VarianceSource>,
     level: f32,
     re: Vec<f32>,
     im: Vec<f32>,
@@ -26,6 +28,7 @@ impl Element {
         Self {
             channel,
             noise: settings.enabled.then(noise),
+            variance: settings.variance(scenario.front_end.rate_hz, scenario.seed, channel),
             level: settings.background_variance.sqrt() as f32,
             re: vec![0.0; len],
             im: vec![0.0; len],
@@ -46,7 +49,11 @@ impl Element {
             re.fill(0.0);
             im.fill(0.0);
             if let Some(noise) = &mut self.noise {
-                noise.add(drawn + (k * len) as u64, re, im);
+                let first = drawn + (k * len) as u64;
+                noise.add(first, re, im);
+                if let Some(variance) = &mut self.variance {
+                    variance.scale(first, re, im);
+                }
                 if self.level != 1.0 {
                     re.iter_mut().chain(im.iter_mut()).for_each(|x| *x *= self.level);
                 }

@@ -13,6 +13,9 @@ use std::ops::Range;
 /// Noise streams of jammers come after those of the elements.
 const FIRST_STREAM: usize = 1 << 20;
 
+/// Knots of narrow noise before the first sample.
+const BEFORE: f64 = 1e6;
+
 /// What a jammer sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -21,7 +24,7 @@ pub enum JammerKind {
     Cw,
     /// A frequency that rises over `sweep_hz` in `period_s` and jumps back; the phase does not jump.
     Chirp,
-    /// White noise over the sampling rate.
+    /// Noise: white over the sampling rate, or of `width_hz` about `frequency_hz`.
     Noise,
 }
 
@@ -45,12 +48,26 @@ pub struct JammerSettings {
     /// Time of one rise of a chirp, s.
     #[serde(default = "millisecond", deserialize_with = "values::positive")]
     pub period_s: f64,
+    /// Noise bandwidth of noise, Hz; absent: white.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "values::some_positive"
+    )]
+    pub width_hz: Option<f64>,
+    /// Fraction of each period in which it sends, above 0: pulses where below 1. Its power is that of a pulse.
+    #[serde(default = "always", deserialize_with = "values::fraction")]
+    pub duty: f64,
     /// When it begins, s after the first sample.
     #[serde(default, deserialize_with = "values::finite")]
     pub start_s: f64,
     /// When it ends, s; absent: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_s: Option<f64>,
+}
+
+fn always() -> f64 {
+    1.0
 }
 
 fn millisecond() -> f64 {
@@ -139,7 +156,8 @@ impl Interference {
             rail.clear();
             rail.resize(len, 0.0);
         }
-        let time = |k: usize| (first + k as i64) as f64 / self.rate_hz;
+        let rate_hz = self.rate_hz;
+        let time = |k: usize| (first + k as i64) as f64 / rate_hz;
         match self.jammer.kind {
             JammerKind::Cw => {
                 self.ones.resize(len, 1.0);
@@ -153,11 +171,50 @@ impl Interference {
                     (*re, *im) = (turn.re as f32, turn.im as f32);
                 }
             }
-            JammerKind::Noise => self.noise.add(drawn, &mut self.re, &mut self.im),
+            JammerKind::Noise => match self.jammer.width_hz {
+                None => self.noise.add(drawn, &mut self.re, &mut self.im),
+                Some(width_hz) => self.narrow_noise(width_hz, first),
+            },
+        }
+        if self.jammer.duty < 1.0 {
+            for (k, (re, im)) in self.re.iter_mut().zip(&mut self.im).enumerate() {
+                if (time(k) / self.jammer.period_s).rem_euclid(1.0) >= self.jammer.duty {
+                    (*re, *im) = (0.0, 0.0);
+                }
+            }
         }
         for rail in [&mut self.re, &mut self.im] {
             rail[..active.start].fill(0.0);
             rail[active.end..].fill(0.0);
+        }
+    }
+
+    /// Noise of a Gaussian spectrum: a Gaussian of standard deviation `s` at each of the knots, 0.8 `s` apart, at which
+    /// the variance ripples by less than a per cent. Its noise bandwidth is 1 / (2 sqrt(pi) s).
+    fn narrow_noise(&mut self, width_hz: f64, first: i64) {
+        /// Knots within four standard deviations.
+        const REACH: usize = 5;
+        let len = self.re.len();
+        let sigma_s = 0.5 / std::f64::consts::PI.sqrt() / width_hz;
+        let knot_s = 0.8 * sigma_s;
+        let norm = (std::f64::consts::PI.sqrt() * sigma_s / knot_s).sqrt();
+        let at = |k: usize| (first + k as i64) as f64 / self.rate_hz / knot_s + BEFORE;
+        let start = at(0).floor() as u64 - REACH as u64;
+        let knots = (at(len).floor() as u64 - start) as usize + REACH + 2;
+        let (mut re, mut im) = (vec![0.0; knots], vec![0.0; knots]);
+        self.noise.add(start, &mut re, &mut im);
+        let frequency_hz = self.jammer.frequency_hz;
+        for k in 0..len {
+            let place = at(k) - start as f64;
+            let nearest = place.floor() as usize;
+            let mut z = Complex64::ZERO;
+            for knot in nearest - REACH..=nearest + REACH + 1 {
+                let u = (place - knot as f64) * 0.8;
+                z += Complex64::new(re[knot].into(), im[knot].into()) * (-0.5 * u * u).exp();
+            }
+            let turns = (frequency_hz * (first + k as i64) as f64 / self.rate_hz).fract();
+            z *= Complex64::cis(TAU * turns) / norm;
+            (self.re[k], self.im[k]) = (z.re as f32, z.im as f32);
         }
     }
 

@@ -30,7 +30,9 @@ mod sky;
 mod source;
 mod truth;
 mod values;
+mod variance;
 
+pub use config::BurstSettings;
 pub use config::Scenario;
 pub use direction::{Direction, Spoofer};
 pub use error::ScenarioError;

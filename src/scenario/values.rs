@@ -11,6 +11,16 @@ pub fn zero_to_one<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (0.0..=1.0).contains(&v), "a number from 0 to 1")
 }
 
+/// Exponent of a stable distribution, where there is one.
+pub fn stable_exponent<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
+    number(d, |v| (0.3..=2.0).contains(&v), "an exponent from 0.3 to 2").map(Some)
+}
+
+/// A fraction above 0, up to 1.
+pub fn fraction<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    number(d, |v| v > 0.0 && v <= 1.0, "a number above 0, up to 1")
+}
+
 /// Power of a jammer over the background noise, dB.
 pub fn power<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     number(d, |v| (-100.0..=150.0).contains(&v), "-100 to 150 dB")

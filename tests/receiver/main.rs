@@ -8,6 +8,7 @@ mod brute_force;
 mod common;
 mod false_satellites;
 mod impulses;
+mod interference;
 mod losses;
 mod mistakes;
 mod navigation_fix;

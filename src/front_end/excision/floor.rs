@@ -1,7 +1,7 @@
 //! What each cell of a basis would hold without interference, and the weights that follow.
 //!
 //! The weight of a cell is that of the locally optimum detector in Gaussian interference of known power, floor over
-//! power: 1 in clean cells. The floor is the spectrum's shape `F`, the running median over +-150 kHz of the median over
+//! power: 1 in clean cells. The floor is the spectrum's shape `F`, the running median over +-300 kHz of a quantile over
 //! time, so that a line does not raise it; the scale comes from the 10 % quantile of all cells, which half of them being
 //! hit does not raise. Lines that stay are `P`, the 20 % quantile over time of a bin. Cells beyond the 1e-4 point of the
 //! exponential distribution are hit.
@@ -10,8 +10,12 @@ use super::basis::{Basis, Transform};
 use num_complex::Complex32;
 
 const SHAPE_BINS: usize = 256;
+/// Quantile over time that the shape is made of: bursts of half of the time do not raise it.
+const SHAPE_QUANTILE: f64 = 0.25;
+/// Powers below this part of their median are those of silence.
+const SILENT: f32 = 1e-5;
 /// Half of the range of the running median, Hz.
-const MEDIAN_HZ: f64 = 150e3;
+const MEDIAN_HZ: f64 = 300e3;
 /// Least part of the mean that the shape counts as.
 const LEAST_SHAPE: f64 = 1e-6;
 /// -ln 1e-4: power over the floor beyond which a cell is hit.
@@ -45,9 +49,10 @@ impl Shape {
         if powers.blocks() < MIN_BLOCKS {
             return None;
         }
-        let medians: Vec<f32> = (0..SHAPE_BINS).map(|k| powers.quantile(k, 0.5)).collect();
+        let quantiles: Vec<f32> =
+            (0..SHAPE_BINS).map(|k| powers.quantile(k, SHAPE_QUANTILE)).collect();
         let half = ((MEDIAN_HZ / rate_hz * SHAPE_BINS as f64) as usize).max(1);
-        let mut shape: Vec<f64> = running_median(&medians, half);
+        let mut shape: Vec<f64> = running_median(&quantiles, half);
         let mean = shape.iter().sum::<f64>() / SHAPE_BINS as f64;
         shape.iter_mut().for_each(|f| *f = f.max(LEAST_SHAPE * mean));
         (mean > 0.0 && mean.is_finite()).then_some(Self(shape))
@@ -224,8 +229,10 @@ fn scaled(powers: &Powers, shape: &[f32]) -> Option<(Vec<f32>, f64)> {
     let inverse: Vec<f32> = shape.iter().map(|f| 1.0 / f).collect();
     let blocks = powers.cells.chunks_exact(shape.len());
     let cells: Vec<f32> = blocks.flat_map(|b| b.iter().zip(&inverse).map(|(x, f)| x * f)).collect();
-    let scale =
-        f64::from(quantile(&mut cells.clone(), SCALE_QUANTILE)) / -(1.0 - SCALE_QUANTILE).ln();
+    let mut loud = cells.clone();
+    let silent = SILENT * quantile(&mut loud, 0.5);
+    loud.retain(|x| *x > silent);
+    let scale = f64::from(quantile(&mut loud, SCALE_QUANTILE)) / -(1.0 - SCALE_QUANTILE).ln();
     (scale > 0.0 && scale.is_finite()).then_some((cells, scale))
 }
 

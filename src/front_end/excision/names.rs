@@ -15,7 +15,7 @@ const WEAK: f64 = 1e-3;
 /// Bins that a tone fills: the main lobe of a Hann window, and its skirt where strong.
 const TONE_BINS: usize = 5;
 /// Half of the range of the running median, Hz.
-const MEDIAN_HZ: f64 = 150e3;
+const MEDIAN_HZ: f64 = 300e3;
 /// Most lines that are named.
 const MOST_NAMED: usize = 8;
 /// Blocks longer than this single out lines, shorter ones pulses.

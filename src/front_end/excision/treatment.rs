@@ -38,6 +38,8 @@ const MAPPED_SPECTRA: usize = 3;
 const RING_MOMENT: f64 = 1.85;
 /// Rounds in which lines and impulses are told apart.
 const ROUNDS: usize = 3;
+/// What passes less of a signal than this takes the signal for interference.
+const LEAST_GAIN: f64 = 0.03;
 /// Amplitude of the pilot over that of the output in the code's band.
 const PILOT: f64 = 0.1;
 /// Bins of the spectrum of the output.
@@ -157,18 +159,38 @@ impl Tools {
                     *r = x - (i - y);
                 }
                 self.impulses.estimate(0, &rest[inside.clone()]);
-                self.impulses.weights(0, &rest, &mut weights);
-                let peak = weights.iter().copied().fold(0f32, f32::max).max(f32::MIN_POSITIVE);
+                self.weigh(&rest, &mut weights);
                 for ((i, x), (r, w)) in
                     without_impulses.iter_mut().zip(samples).zip(rest.iter().zip(&weights))
                 {
-                    *i = x - r * (1.0 - w / peak);
+                    *i = x - r * (1.0 - w);
                 }
             }
         }
         self.impulses.estimate(0, &rest[inside]);
-        self.impulses.apply(0, &mut rest);
+        if how.bases.is_empty() {
+            self.impulses.apply(0, &mut rest);
+        } else {
+            self.weigh(&rest, &mut weights);
+            rest.iter_mut().zip(&weights).for_each(|(r, w)| *r *= w);
+            self.impulses.count(0, rest.len());
+        }
         rest
+    }
+
+    /// Weights of the map for what the bases leave, at most 1: what they attenuated is small, and not quiet.
+    fn weigh(&self, samples: &[Complex32], weights: &mut [f32]) {
+        self.impulses.weights(0, samples, weights);
+        let mut some: Vec<f32> = samples.iter().step_by(37).map(Complex32::norm_sqr).collect();
+        let half = some.len() / 2;
+        if some.is_empty() {
+            return;
+        }
+        let median = some.select_nth_unstable_by(half, f32::total_cmp).1.sqrt();
+        let mut most = [0f32];
+        self.impulses.weights(0, &[Complex32::new(median, 0.0)], &mut most);
+        let most = most[0].max(f32::MIN_POSITIVE);
+        weights.iter_mut().for_each(|w| *w = (*w / most).min(1.0));
     }
 
     fn without_lines(
@@ -206,7 +228,7 @@ impl Tools {
             energy += f64::from((pilot.received[k] * pilot.sent[k].conj()).re);
         }
         let gain = product / (2.0 * f64::from(level) * energy);
-        let noise = if gain > 0.0 { power / (gain * gain) } else { f64::INFINITY };
+        let noise = if gain > LEAST_GAIN { power / (gain * gain) } else { f64::INFINITY };
         Score { noise, gain }
     }
 
@@ -292,11 +314,15 @@ impl Tools {
             // Impulses smear the spectra: which one is best shows only with the map.
             let tried = if impulsive { bases.len() } else { MAPPED_SPECTRA.min(bases.len()) };
             let with_map = bases[..tried].iter().copied().filter(|b| *b != basis).chain([basis]);
-            let mut single = vec![chosen, impulses];
+            let mut single = vec![chosen];
             if !real && fourth_moment(samples) < RING_MOMENT {
                 single.push(scored(&[], Some(MemorylessMap::Envelope)));
             }
             chosen = best(single)?;
+            // Of equals the map is the one that follows the noise from sample to sample.
+            if impulses.over(&chosen) < SECOND_WORTH_DB {
+                chosen = impulses;
+            }
             let apart = |b: &Basis| b.length * 4 <= basis.length || basis.length * 4 <= b.length;
             let second = bases.iter().copied().find(apart);
             let mut both: Vec<Scored> =
