@@ -10,7 +10,7 @@ use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let data = match std::env::args_os().nth(1) {
-        Some(path) => rinex_nav::read(path)?,
+        Some(path) => rinex_nav::read(path)?.data,
         None => {
             let path = concat!(env!("CARGO_MANIFEST_DIR"), "/signals/circle_8sv.toml");
             let text = write(&Scenario::read(path.as_ref())?.navigation()?);

@@ -54,7 +54,16 @@ pub fn main() -> ExitCode {
     };
     result.unwrap_or_else(|error| {
         let advice = words::advice(&error).map_or(String::new(), |advice| format!("; {advice}"));
-        eprintln!("sdr-rx: {error:#}{advice}");
+        eprintln!("sdr-rx: {}{advice}", chained(&error));
         ExitCode::from(2)
+    })
+}
+
+/// An error with its causes, each said once.
+fn chained(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text {
+        text if text.contains(&cause) => text,
+        text if text.is_empty() => cause,
+        text => format!("{text}: {cause}"),
     })
 }

@@ -244,7 +244,9 @@ impl Solve {
         )?;
         check(self.time_uncertainty > 0.0, "--time-uncertainty must be above 0")?;
         for path in &self.nav {
-            options.navigation.merge(rinex_nav::read(path)?);
+            let file = rinex_nav::read(path)?;
+            file.left_out.kinds().iter().for_each(|kind| eprintln!("warning: {kind}"));
+            options.navigation.merge(file.data);
         }
         options.navigation.utc.iter().for_each(UtcParameters::announce);
         options.interval_s = self.interval;

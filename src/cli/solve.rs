@@ -143,17 +143,35 @@ impl Solve {
         })
     }
 
-    fn navigation(&self) -> anyhow::Result<NavigationData> {
+    fn navigation(&self, warnings: &mut Vec<String>) -> anyhow::Result<NavigationData> {
         ensure!(
             !(self.navigation.is_empty() && self.sp3.is_empty()),
             "no orbits are given: name a RINEX navigation file after the observations, or --sp3 FILE"
         );
         let mut navigation = NavigationData::default();
         for path in &self.navigation {
-            navigation.merge(rinex_nav::read(path)?);
+            let file = rinex_nav::read(path)?;
+            warnings.extend(file.left_out.kinds().iter().map(ToString::to_string));
+            navigation.merge(file.data);
         }
         for path in &self.sp3 {
-            navigation.merge(sp3::read(path)?.into_navigation_data());
+            let file = sp3::read(path)?;
+            warnings.extend(file.left_out.kinds().iter().map(ToString::to_string));
+            let short: Vec<String> = file
+                .orbits
+                .iter()
+                .filter_map(|(sv, orbit)| {
+                    orbit.too_few().map(|(n, of)| format!("{sv} {n} of {of}"))
+                })
+                .collect();
+            if !short.is_empty() {
+                warnings.push(format!(
+                    "{}: precise orbits with too few points are not used ({})",
+                    path.display(),
+                    short.join(", ")
+                ));
+            }
+            navigation.merge(file.into_navigation_data());
         }
         Ok(navigation)
     }
@@ -193,7 +211,8 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         .build_global()
         .context("starting threads")?;
     let options = args.options()?;
-    let navigation = args.navigation()?;
+    let mut told = Vec::new();
+    let navigation = args.navigation(&mut told)?;
     navigation.utc.iter().for_each(UtcParameters::announce);
     let (header, solved) = solve(args, &navigation, &options)?;
     let reason = match solved.refused.first() {
@@ -201,7 +220,8 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         Some((_, error)) => Some(error.to_string()),
         None => Some("the file holds no epoch".to_owned()),
     };
-    let mut warnings = solved.warnings;
+    let mut warnings = told;
+    warnings.extend(solved.warnings);
     if let (Some((time, error)), None) = (solved.refused.first(), &reason) {
         let count = solved.refused.len();
         warnings.push(format!(
@@ -315,6 +335,7 @@ fn solve(
             reader.skipped()
         ));
     }
+    solved.warnings.extend(reader.left_out().kinds().iter().map(ToString::to_string));
     Ok((reader.header().clone(), solved))
 }
 

@@ -46,7 +46,7 @@ impl Scenario {
     /// When the navigation file cannot be read.
     pub fn navigation(&self) -> Result<NavigationData, ScenarioError> {
         let mut data = match &self.orbits {
-            Orbits::NavigationFile(path) => rinex_nav::read(path)?,
+            Orbits::NavigationFile(path) => rinex_nav::read(path)?.data,
             Orbits::Walker(walker) => {
                 let mut data = NavigationData::default();
                 let here = self.receiver.position.ecef();

@@ -19,7 +19,7 @@ pub const FILES: [(&str, usize, usize); 7] = [
 fn every_navigation_file_is_read_whole() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     for (name, records, satellites) in FILES {
-        let data = rinex_nav::read(folder.join(name))?;
+        let data = rinex_nav::read(folder.join(name))?.data;
         let counted = (data.iter().count(), data.satellites().count());
         if counted != (records, satellites) {
             return Err(format!("{name}: {counted:?} records and satellites").into());
@@ -33,7 +33,7 @@ fn every_navigation_file_is_read_whole() -> Tested {
 #[test]
 fn orbits_of_one_satellite_join_between_issues() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
-    let data = rinex_nav::read(folder.join("nav/brdc0010.22n"))?;
+    let data = rinex_nav::read(folder.join("nav/brdc0010.22n"))?.data;
     let mut pairs = 0;
     for sv in data.satellites() {
         let list: Vec<_> = data.iter().filter(|e| e.sv == sv && e.health == 0).collect();

@@ -12,7 +12,7 @@ use sdr_rx::gnss::message::{MessageDecoder, NavigationCollector, Update};
 fn every_broadcast_ephemeris_survives_the_signal() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     for (name, ..) in FILES {
-        for eph in rinex_nav::read(folder.join(name))?.iter() {
+        for eph in rinex_nav::read(folder.join(name))?.data.iter() {
             through_the_signal(eph).map_err(|e| format!("{name} {} {}: {e}", eph.sv, eph.toe))?;
         }
     }

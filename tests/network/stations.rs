@@ -16,7 +16,7 @@ use sdr_rx::network::{Datum, Graph, constraints, sim};
 fn two_real_stations_find_the_same_biases_of_the_satellites() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let folder = data.join("obs/matrtklib-static");
-    let navigation = rinex_nav::read(folder.join("base.nav"))?;
+    let navigation = rinex_nav::read(folder.join("base.nav"))?.data;
     let options = CodeOptions::default();
     let read = |name| station_epochs(&folder.join(name), &navigation, None, &options);
     let stations = [read("base.obs")?, read("rover.obs")?];

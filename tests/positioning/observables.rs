@@ -65,7 +65,7 @@ impl Station {
     /// Every epoch has a fix by every solver and observable; median 3-D errors are within the bounds, m, and
     /// that by both observables is not above that by pseudoranges.
     fn check(&self, range_bound_m: f64, doppler_bound_m: f64) -> Tested {
-        let nav = rinex_nav::read(&self.navigation)?;
+        let nav = rinex_nav::read(&self.navigation)?.data;
         let epochs: Vec<_> = rinex_obs::open(&self.observations)?.collect::<Result<_, _>>()?;
         for solver in [Solver::AwDgnBt, Solver::Best] {
             let error = |observable| self.median_error(&epochs, &nav, observable, solver);

@@ -81,7 +81,7 @@ fn full(
 fn a_simulated_ublox_is_located_to_three_metres() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("obs/gps-sdr-sim-rtk");
-    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    let nav = rinex_nav::read(folder.join("base.nav"))?.data;
     let truth = Vector3::new(-3_813_409.771, 3_554_349.703, 3_662_785.237);
     let options = PositioningOptions { troposphere: Troposphere::None, ..Default::default() };
     check(&epochs(&folder.join("base.obs"))?, &truth, 3.0, full(&nav, options))
@@ -91,7 +91,7 @@ fn a_simulated_ublox_is_located_to_three_metres() -> Tested {
 fn a_septentrio_on_a_roof_is_located_to_five_metres() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     let folder = folder.join("obs/matrtklib-static");
-    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    let nav = rinex_nav::read(folder.join("base.nav"))?.data;
     for station in ["rover", "base"] {
         let truth = place(&folder.join(format!("{station}_position.txt")))?;
         let epochs = epochs(&folder.join(format!("{station}.obs")))?;
@@ -113,7 +113,7 @@ pub fn place(path: &Path) -> Result<Vector3<f64>, Failed> {
 /// full fix.
 fn snapshot(folder: &Path, every: usize, off_s: f64, options: PositioningOptions) -> Tested {
     let folder = folder.join("obs/matrtklib-static");
-    let nav = rinex_nav::read(folder.join("base.nav"))?;
+    let nav = rinex_nav::read(folder.join("base.nav"))?.data;
     let truth = place(&folder.join("rover_position.txt"))?;
     let mut epochs: Vec<ObservationEpoch> =
         epochs(&folder.join("rover.obs"))?.into_iter().step_by(every).collect();

@@ -55,7 +55,7 @@ pub fn snapshot(
             troposphere: Troposphere::None,
             ..PositioningOptions::default()
         },
-        navigation: rinex_nav::read(data.join("nav/brdc0010.22n"))?,
+        navigation: rinex_nav::read(data.join("nav/brdc0010.22n"))?.data,
         time: source.info().start_time,
         ..ReceiverOptions::default()
     };

@@ -157,7 +157,7 @@ fn judge(tally: Tally, what: &str, median_m: f64) -> Tested {
 #[test]
 fn time_within_five_hours_is_found_with_the_position() -> Tested {
     let Some(data) = data() else { return Ok(()) };
-    let nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?;
+    let nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?.data;
     // In 20 ms the code noise is twice that of 100 ms, and so is the bound.
     for (seconds, count, tries, median_m) in
         [(0.02, 10, 50, 40.0), (0.1, 10, 50, 20.0), (1.0, 1, 50, 20.0)]
@@ -190,7 +190,7 @@ fn moved(ephemeris: &Ephemeris, days: i32) -> Ephemeris {
 
 /// Navigation data of these days before or after the file's.
 fn days(data: &Path, days: impl Iterator<Item = i32> + Clone) -> Result<NavigationData, Failed> {
-    let mut nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?;
+    let mut nav = rinex_nav::read(data.join("nav/brdc0010.22n"))?.data;
     let own: Vec<Ephemeris> = nav.iter().cloned().collect();
     let (ionosphere, utc) = (nav.ionosphere, nav.utc);
     nav = NavigationData::default();

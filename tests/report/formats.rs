@@ -21,7 +21,7 @@ fn navigation_files_survive_our_writer() -> Tested {
         "obs/gnsstk-arlm/arlm2000.15n",
         "obs/rtklib-geonet/07590920.05n",
     ] {
-        let original = rinex_nav::read(data.join(name))?;
+        let original = rinex_nav::read(data.join(name))?.data;
         let text = sdr_rx::gnss::format::rinex_nav::write(&original);
         assert!(text.lines().all(|l| l.len() <= 80), "{name}: RINEX lines have 80 columns");
         let back = rinex_nav::parse(&text, "ours")?.data;

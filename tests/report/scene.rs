@@ -33,7 +33,7 @@ pub struct Scene {
 
 impl Scene {
     pub fn new(folder: &Path) -> Result<Self, Failed> {
-        let navigation = rinex_nav::read(folder.join("nav/brdc0010.22n"))?;
+        let navigation = rinex_nav::read(folder.join("nav/brdc0010.22n"))?.data;
         let start = GpsTime::from_week_tow(2190, 525_600.0);
         let epochs: Vec<_> = (0..EPOCHS).map(|k| epoch(&navigation, start + k as f64, k)).collect();
         let fixes = epochs.iter().map(|e| fix(&navigation, e)).collect();

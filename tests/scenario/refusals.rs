@@ -194,7 +194,7 @@ fn the_command_refuses_with_exit_code_2_and_leaves_no_file() -> Tested {
     let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(path("x.truth.json"))?)?;
     assert_eq!(truth["epochs"][0]["gps_week"], 2190);
     assert_eq!(truth["scenario"]["seed"], 0);
-    let navigation = sdr_rx::gnss::format::rinex_nav::read(path("x.nav.rnx"))?;
+    let navigation = sdr_rx::gnss::format::rinex_nav::read(path("x.nav.rnx"))?.data;
     // Twelve digits of a file: 1e-12 of an orbit's radius, and of an angle times that radius, 3e-5 m each.
     let scenario = Scenario::parse(GOOD, "good.toml")?;
     for eph in scenario.navigation()?.iter() {

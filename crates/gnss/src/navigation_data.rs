@@ -103,7 +103,10 @@ impl NavigationData {
             (Some(arc), ..) => Ok(arc.into()),
             (None, Some(ephemeris), _) => Ok(ephemeris.into()),
             (None, None, Some(old)) => Err(NoOrbit::Stale((t - old.toe).abs() / 3600.0)),
-            (None, None, None) => Err(NoOrbit::Unknown),
+            (None, None, None) => match self.precise.get(&sv).and_then(PreciseOrbit::too_few) {
+                Some((points, needed)) => Err(NoOrbit::TooFewPoints { points, needed }),
+                None => Err(NoOrbit::Unknown),
+            },
         }
     }
 

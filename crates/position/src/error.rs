@@ -26,6 +26,13 @@ pub enum DropReason {
     Alert,
     /// The satellite predicts no accuracy.
     NoAccuracy,
+    /// The table of precise orbits has too few points to be interpolated.
+    TooFewPoints {
+        /// Points of the table.
+        points: usize,
+        /// Points needed.
+        needed: usize,
+    },
     /// Its C/N0, dB-Hz, is below what tells a signal from noise.
     Weak(f64),
     /// The satellite is below the elevation mask, at this elevation in rad.
@@ -42,6 +49,9 @@ impl fmt::Display for DropReason {
             Self::Stale(hours) => write!(f, "ephemeris {hours:.1} h away"),
             Self::Unhealthy(health) => write!(f, "unhealthy (health word {health})"),
             Self::Alert => write!(f, "sends the alert flag"),
+            Self::TooFewPoints { points, needed } => {
+                write!(f, "{points} points of its precise orbit, {needed} are needed")
+            }
             Self::NoAccuracy => write!(f, "predicts no accuracy (URA index 15)"),
             Self::Weak(cn0_dbhz) => write!(f, "only {cn0_dbhz:.0} dB-Hz"),
             Self::BelowMask(elevation) => {
@@ -55,6 +65,7 @@ impl From<NoOrbit> for DropReason {
     fn from(why: NoOrbit) -> Self {
         match why {
             NoOrbit::Unknown => Self::NoEphemeris,
+            NoOrbit::TooFewPoints { points, needed } => Self::TooFewPoints { points, needed },
             NoOrbit::Stale(hours) => Self::Stale(hours),
             NoOrbit::Unhealthy(word) => Self::Unhealthy(word),
             NoOrbit::Alert => Self::Alert,

@@ -46,7 +46,7 @@ fn station(
     Ok(Station {
         name,
         truth_m: truth_m.or(stated_m).ok_or("no position")?,
-        nav: rinex_nav::read(folder.join(nav))?,
+        nav: rinex_nav::read(folder.join(nav))?.data,
         options: PositioningOptions { troposphere, ..PositioningOptions::default() },
         epochs: reader.collect::<Result<_, _>>()?,
     })
@@ -321,7 +321,7 @@ fn what_is_proved_is_right_whatever_the_faults() -> Result<(), Failed> {
 #[test]
 fn files_with_one_fault_are_right_or_refused() -> Result<(), Failed> {
     let Some(data) = data() else { return Ok(()) };
-    let nav = rinex_nav::read(data.join("obs/matrtklib-static/base.nav"))?;
+    let nav = rinex_nav::read(data.join("obs/matrtklib-static/base.nav"))?.data;
     let mut files = 0;
     for entry in std::fs::read_dir(data.join("cases/wrong-exclusion"))? {
         let reader = rinex_obs::open(entry?.path())?;

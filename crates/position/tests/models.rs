@@ -48,7 +48,7 @@ fn files_of_known_models_are_solved_to_their_last_digit() -> Result<(), Failed> 
         ("21-ionosphere-of-zeros", "obs.rnx", "ionzero.n"),
     ] {
         let folder = cases.join(folder);
-        let nav = rinex_nav::read(folder.join(nav))?;
+        let nav = rinex_nav::read(folder.join(nav))?.data;
         let (fix, error_m) = solved(&folder.join(file), &nav)?;
         assert!(error_m < EXACT_M, "{file}: {error_m} m");
         assert!(fix.integrity.is_proved(), "{file}");
@@ -64,13 +64,13 @@ fn a_change_of_health_within_an_issue_is_obeyed() -> Result<(), Failed> {
     for name in
         ["b_newer_unhealthy_toe_minus16", "c_same_issue_unhealthy", "d_same_issue_unhealthy_first"]
     {
-        let nav = rinex_nav::read(folder.join(format!("{name}.n")))?;
+        let nav = rinex_nav::read(folder.join(format!("{name}.n")))?.data;
         let (fix, error_m) = solved(&folder.join("o.rnx"), &nav)?;
         assert!(error_m < EXACT_M, "{name}: {error_m} m");
         let unhealthy = fix.unused.iter().find(|d| d.reason == DropReason::Unhealthy(63));
         assert_eq!(unhealthy.map(|d| d.sv.to_string()).as_deref(), Some("G14"), "{name}");
     }
-    let healthy = rinex_nav::read(folder.join("a_healthy.n"))?;
+    let healthy = rinex_nav::read(folder.join("a_healthy.n"))?.data;
     assert!(solved(&folder.join("o.rnx"), &healthy)?.1 > 5.0, "the fault shows where it is used");
     Ok(())
 }

@@ -65,7 +65,7 @@ pub fn run(args: &Rinex) -> anyhow::Result<ExitCode> {
     };
     let mut navigation = NavigationData::default();
     for path in &args.nav {
-        navigation.merge(rinex_nav::read(path)?);
+        navigation.merge(rinex_nav::read(path)?.data);
     }
     let stations: Vec<Vec<StationEpoch>> = (args.observations.iter())
         .map(|path| station_epochs(path, &navigation, None, &options))

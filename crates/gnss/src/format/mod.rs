@@ -6,4 +6,4 @@ pub mod rinex_obs;
 pub mod sp3;
 pub mod tle;
 
-pub use records::ReadError;
+pub use records::{LeftOut, LeftOutKind, ReadError};

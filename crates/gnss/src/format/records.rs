@@ -1,6 +1,7 @@
 //! Lines with fixed columns, as in RINEX, SP3 and element sets, and their errors.
 
 use crate::GpsTime;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Why a file cannot be read.
@@ -32,6 +33,55 @@ pub enum ReadError {
     },
 }
 
+/// Records of a file that were left out because they do not follow the format, by kind.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    kinds: Vec<LeftOutKind>,
+}
+
+/// Records of one kind that were left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOutKind {
+    /// What they are, in the plural, such as `epochs left out`.
+    pub what: &'static str,
+    /// How many.
+    pub count: usize,
+    /// The first: file, line, what is wrong, and what would be right.
+    pub first: String,
+}
+
+impl fmt::Display for LeftOutKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{} {}; the first: {}", self.count, self.what, self.first)
+    }
+}
+
+impl LeftOut {
+    pub(crate) fn add(&mut self, what: &'static str, error: &ReadError) {
+        match self.kinds.iter_mut().find(|kind| kind.what == what) {
+            Some(kind) => kind.count += 1,
+            None => self.kinds.push(LeftOutKind { what, count: 1, first: error.to_string() }),
+        }
+    }
+
+    /// Each kind, in the order of their first lines.
+    pub fn kinds(&self) -> &[LeftOutKind] {
+        &self.kinds
+    }
+}
+
+/// Text with lines that end in a line feed, without byte order mark, NUL and end-of-file characters (^Z).
+pub(crate) fn plain(text: &str) -> String {
+    let text = text.trim_start_matches('\u{feff}').replace("\r\n", "\n");
+    let plain = |c: char| match c {
+        '\r' => Some('\n'),
+        '\0' | '\u{1a}' => None,
+        c if c.is_ascii() => Some(c),
+        _ => Some('?'),
+    };
+    text.chars().filter_map(plain).collect()
+}
+
 /// The whole text of a file: anything beyond ASCII (names in comments) becomes one '?', so that columns
 /// can be counted in bytes.
 pub(crate) fn read_text(format: &'static str, path: &Path) -> Result<String, ReadError> {
@@ -40,12 +90,7 @@ pub(crate) fn read_text(format: &'static str, path: &Path) -> Result<String, Rea
     if is_compressed(&bytes) {
         return Err(compressed(format, &path.display().to_string()));
     }
-    Ok(ascii(&String::from_utf8_lossy(&bytes)))
-}
-
-/// The text with each character beyond ASCII as one '?'.
-pub(crate) fn ascii(text: &str) -> String {
-    text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect()
+    Ok(plain(&String::from_utf8_lossy(&bytes)))
 }
 
 /// Whether a file starts with the magic of gzip or compress.

@@ -5,7 +5,7 @@
 //! predicted or manoeuvre flags are skipped. Tables of points are
 //! interpolated in [`precise_orbit`](crate::orbit::precise).
 
-use crate::format::records::{Line, ReadError, ascii, read_text};
+use crate::format::records::{LeftOut, Line, ReadError, plain, read_text};
 use crate::orbit::precise::{PreciseOrbit, PrecisePoint};
 use crate::{GpsTime, NavigationData, Sv};
 use nalgebra::Vector3;
@@ -22,6 +22,8 @@ pub struct PreciseFile {
     pub orbits: BTreeMap<Sv, PreciseOrbit>,
     /// Satellites of other systems.
     pub skipped: usize,
+    /// Lines that do not follow the format.
+    pub left_out: LeftOut,
 }
 
 impl PreciseFile {
@@ -45,9 +47,9 @@ pub fn read(path: impl AsRef<Path>) -> Result<PreciseFile, ReadError> {
 /// Parses the text of an SP3 file; `name` stands in error messages.
 ///
 /// # Errors
-/// When the text is no SP3 file or a line is malformed.
+/// When the text is no SP3 file, its time system is not known, or all its positions are malformed.
 pub fn parse(text: &str, name: &str) -> Result<PreciseFile, ReadError> {
-    let text = ascii(text);
+    let text = plain(text);
     let mut lines = text.lines().enumerate().map(|(k, text)| Line {
         format: "SP3",
         file: name,
@@ -65,20 +67,34 @@ pub fn parse(text: &str, name: &str) -> Result<PreciseFile, ReadError> {
     let mut gps_minus_file_s = None;
     let mut points: BTreeMap<Sv, Vec<PrecisePoint>> = BTreeMap::new();
     let mut time = None;
+    let (mut left_out, mut first_error) = (LeftOut::default(), None);
+    let mut leave_out = |what, error: ReadError| {
+        left_out.add(what, &error);
+        first_error.get_or_insert(error);
+    };
     for line in lines {
         match line.columns(0, 2) {
             "++" => exponents.extend((0..17).map(|k| line.columns(9 + 3 * k, 3).to_owned())),
             "+" => names.extend((0..17).map(|k| line.columns(9 + 3 * k, 3).to_owned())),
             "%c" if gps_minus_file_s.is_none() => gps_minus_file_s = Some(time_system(&line)?),
-            "*" => time = Some(epoch(&line, gps_minus_file_s.unwrap_or(TimeSystem::Gps))?),
+            "*" => match epoch(&line, gps_minus_file_s.unwrap_or(TimeSystem::Gps)) {
+                Ok(epoch) => time = Some(epoch),
+                Err(error) => {
+                    // Positions up to the next epoch have no time.
+                    time = None;
+                    leave_out("epochs left out", error);
+                }
+            },
             "EO" if line.columns(0, 3) == "EOF" => break,
             tag if tag.starts_with('P') => {
                 let Some(sv) = satellite(line.columns(1, 3)) else { continue };
-                let time = time.ok_or_else(|| {
+                let at = time.ok_or_else(|| {
                     line.malformed("a position comes before any epoch", "an epoch starts with '*'")
-                })?;
-                if let Some(point) = point(&line, time)? {
-                    points.entry(sv).or_default().push(point);
+                });
+                match at.and_then(|time| point(&line, time)) {
+                    Ok(Some(point)) => points.entry(sv).or_default().push(point),
+                    Ok(None) => {}
+                    Err(error) => leave_out("positions left out", error),
                 }
             }
             _ => {}
@@ -94,11 +110,14 @@ pub fn parse(text: &str, name: &str) -> Result<PreciseFile, ReadError> {
     let other =
         |name: &&String| name.bytes().any(|b| b.is_ascii_alphabetic()) && satellite(name).is_none();
     let skipped = names.iter().filter(other).count();
+    if let Some(error) = first_error.filter(|_| points.is_empty()) {
+        return Err(error);
+    }
     let orbits = points
         .into_iter()
         .map(|(sv, points)| (sv, PreciseOrbit::new(points, accuracy_m(sv))))
         .collect();
-    Ok(PreciseFile { orbits, skipped })
+    Ok(PreciseFile { orbits, skipped, left_out })
 }
 
 /// `G01`, or in version a a bare number; none for other systems and for the zeros that fill lists.
@@ -224,7 +243,10 @@ mod tests {
             (good.replacen("  15000.000000", "              ", 1), "line 9: a coordinate is miss"),
         ];
         for (text, message) in cases {
-            let error = parse(&text, "igs.sp3").unwrap_err().to_string();
+            let error = match parse(&text, "igs.sp3") {
+                Err(error) => error.to_string(),
+                Ok(file) => file.left_out.kinds()[0].first.clone(),
+            };
             assert!(error.starts_with("reading SP3 igs.sp3, line "), "{error}");
             assert!(error.contains(message), "'{error}' should contain '{message}'");
         }

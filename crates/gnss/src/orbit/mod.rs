@@ -57,6 +57,14 @@ pub enum NoOrbit {
     /// No orbit of the satellite is known.
     #[error("no ephemeris")]
     Unknown,
+    /// The table of precise orbits has too few points to be interpolated.
+    #[error("{points} points of its precise orbit, {needed} are needed")]
+    TooFewPoints {
+        /// Points of the table.
+        points: usize,
+        /// Points needed.
+        needed: usize,
+    },
     /// The nearest ephemeris is this many hours away.
     #[error("ephemeris {0:.1} h away")]
     Stale(f64),

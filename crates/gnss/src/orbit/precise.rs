@@ -71,6 +71,11 @@ impl PreciseOrbit {
         self.points.dedup_by(|a, b| a.time == b.time);
     }
 
+    /// Points of the table, where they are too few to be interpolated, and how many are needed.
+    pub fn too_few(&self) -> Option<(usize, usize)> {
+        (self.points.len() < POINTS).then_some((self.points.len(), POINTS))
+    }
+
     /// The part of the table around `t`, if `t` lies in it, without gaps and with clocks, for an L1 C/A
     /// user who knows the satellite's `tgd_s`, s, or not.
     pub fn arc(&self, t: GpsTime, tgd_s: Option<f64>) -> Option<PreciseArc<'_>> {

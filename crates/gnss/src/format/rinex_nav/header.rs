@@ -1,7 +1,7 @@
 //! The header of a RINEX navigation file.
 
 use super::lines::Lines;
-use crate::format::records::ReadError;
+use crate::format::records::{LeftOut, ReadError};
 use crate::message::lnav::resolve_week;
 use crate::navigation_data::UtcParameters;
 use crate::time::SECONDS_PER_WEEK;
@@ -23,46 +23,59 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads up to END OF HEADER and gives the line after it.
-    pub fn read(lines: &Lines) -> Result<(Self, usize), ReadError> {
-        let label = |at: usize| lines.columns(at, 60, 20).to_ascii_uppercase();
-        if label(0) != "RINEX VERSION / TYPE" {
+    /// Reads from line `start` up to END OF HEADER and gives the line after it. What no position needs may be malformed:
+    /// it is left out.
+    pub fn read(
+        lines: &Lines,
+        start: usize,
+        left_out: &mut LeftOut,
+    ) -> Result<(Self, usize), ReadError> {
+        if !lines.is_header(start) {
             let right = "a RINEX file starts with a line that ends in 'RINEX VERSION / TYPE'";
-            return Err(lines.malformed(0, "this is no RINEX file", right));
+            return Err(lines.malformed(start, "this is no RINEX file", right));
         }
-        let version = lines.real(0, 0, 9)?.unwrap_or(0.0);
-        let kind = lines.columns(0, 20, 20).to_owned();
+        let version = lines.real(start, 0, 9)?.unwrap_or(0.0);
+        let kind = lines.columns(start, 20, 20).to_owned();
         let system = kind.chars().next().unwrap_or(' ').to_ascii_uppercase();
         if !(2.0..5.0).contains(&version) {
             let problem = format!("version {version} is not known");
-            return Err(lines.malformed(0, problem, "versions 2.10 to 4.99 are read"));
+            return Err(lines.malformed(start, problem, "versions 2.10 to 4.99 are read"));
         }
         if !matches!((system, version < 3.0), ('N', _) | ('G' | 'H' | 'J' | 'E', true)) {
             let problem = format!("the file holds '{kind}'");
-            return Err(lines.malformed(0, problem, "a navigation file has N in column 21"));
+            return Err(lines.malformed(start, problem, "a navigation file has N in column 21"));
         }
         let mut header = Self { version, system, alpha: None, beta: None, utc: None, leap: None };
-        for at in 1..lines.lines.len() {
-            match label(at).as_str() {
-                "END OF HEADER" => return Ok((header, at + 1)),
-                // Of GPS; QZSS sends coefficients of its own region.
-                "ION ALPHA" if system == 'N' => header.alpha = four(lines, at, 2)?,
-                "ION BETA" if system == 'N' => header.beta = four(lines, at, 2)?,
-                "IONOSPHERIC CORR" => match lines.columns(at, 0, 4) {
-                    "GPSA" => header.alpha = four(lines, at, 5)?,
-                    "GPSB" => header.beta = four(lines, at, 5)?,
-                    _ => {}
-                },
-                "DELTA-UTC: A0,A1,T,W" => header.utc = utc_line(lines, at, [3, 22, 41, 50, 59])?,
-                "TIME SYSTEM CORR" if lines.columns(at, 0, 4) == "GPUT" => {
-                    header.utc = utc_line(lines, at, [5, 22, 38, 45, 50])?;
-                }
-                "LEAP SECONDS" => header.leap = leap_seconds(lines, at)?,
-                _ => {}
+        for at in start + 1..lines.lines.len() {
+            if lines.columns(at, 60, 20).eq_ignore_ascii_case("END OF HEADER") {
+                return Ok((header, at + 1));
+            }
+            if let Err(error) = header.take(lines, at) {
+                left_out.add("lines of the header left out", &error);
             }
         }
         let last = lines.lines.len().saturating_sub(1);
         Err(lines.malformed(last, "the header does not end", "it ends with 'END OF HEADER'"))
+    }
+
+    fn take(&mut self, lines: &Lines, at: usize) -> Result<(), ReadError> {
+        match lines.columns(at, 60, 20).to_ascii_uppercase().as_str() {
+            // Of GPS; QZSS sends coefficients of its own region.
+            "ION ALPHA" if self.system == 'N' => self.alpha = four(lines, at, 2)?,
+            "ION BETA" if self.system == 'N' => self.beta = four(lines, at, 2)?,
+            "IONOSPHERIC CORR" => match lines.columns(at, 0, 4) {
+                "GPSA" => self.alpha = four(lines, at, 5)?,
+                "GPSB" => self.beta = four(lines, at, 5)?,
+                _ => {}
+            },
+            "DELTA-UTC: A0,A1,T,W" => self.utc = utc_line(lines, at, [3, 22, 41, 50, 59])?,
+            "TIME SYSTEM CORR" if lines.columns(at, 0, 4) == "GPUT" => {
+                self.utc = utc_line(lines, at, [5, 22, 38, 45, 50])?;
+            }
+            "LEAP SECONDS" => self.leap = leap_seconds(lines, at)?,
+            _ => {}
+        }
+        Ok(())
     }
 
     /// The satellite of the record at line `at`, none for a system that is skipped.
@@ -145,17 +158,22 @@ pub fn utc_parameters(a0: f64, a1: f64, tot: GpsTime) -> UtcParameters {
     UtcParameters { a0, a1, tot, delta_t_ls: 0, delta_t_lsf: 0, wn_lsf: 0, day: 1 }
 }
 
-/// One integer, or four: now, after the change, week, day.
+/// One integer of six columns, or four: now, after the change, week, day. What of the change is missing or impossible is
+/// not known.
 fn leap_seconds(lines: &Lines, at: usize) -> Result<Option<LeapSeconds>, ReadError> {
+    let field = |k: usize| lines.columns(at, 6 * k, 6).parse::<i32>().ok();
     let text = lines.columns(at, 0, 24);
-    let values: Vec<i32> = text.split_whitespace().map_while(|w| w.parse().ok()).collect();
-    match values[..] {
-        [] if text.is_empty() => Ok(None),
-        [now] => Ok(Some((now, None))),
-        [now, future, week, day, ..] if week >= 0 && (0..=7).contains(&day) => {
-            Ok(Some((now, Some((future, week, day as u8)))))
+    let now = field(0).or_else(|| text.split_whitespace().next()?.parse().ok());
+    let change = match (field(1), field(2), field(3)) {
+        (Some(future), Some(week), Some(day)) if week >= 0 && (0..=7).contains(&day) => {
+            Some((future, week, day as u8))
         }
-        _ => Err(lines.malformed(
+        _ => None,
+    };
+    match now {
+        Some(now) => Ok(Some((now, change))),
+        None if text.is_empty() => Ok(None),
+        None => Err(lines.malformed(
             at,
             format!("'{text}' is no count of leap seconds"),
             "one whole number or four (now, after the change, week, day) stand there",

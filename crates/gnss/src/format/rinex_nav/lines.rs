@@ -30,6 +30,19 @@ impl<'a> Lines<'a> {
         Line { format: "RINEX", file: self.file, number: at + 1, text }
     }
 
+    fn label_is(&self, at: usize, label: &str) -> bool {
+        self.columns(at, 60, 20).eq_ignore_ascii_case(label)
+    }
+
+    /// Whether a header starts at a line.
+    pub fn is_header(&self, at: usize) -> bool {
+        self.label_is(at, "RINEX VERSION / TYPE")
+    }
+
+    pub fn is_comment(&self, at: usize) -> bool {
+        self.label_is(at, "COMMENT")
+    }
+
     pub fn malformed(
         &self,
         at: usize,
@@ -67,6 +80,9 @@ impl<'a> Lines<'a> {
         let indent = if version < 3.0 { 3 } else { 4 };
         let continues = |at: &usize| {
             let line = self.lines[*at];
+            if self.is_header(*at) || self.is_comment(*at) {
+                return false;
+            }
             if version >= 4.0 {
                 !line.starts_with('>')
             } else {

@@ -12,7 +12,7 @@ pub(super) mod write;
 pub use write::write;
 
 use crate::atmosphere::Klobuchar;
-use crate::format::records::{ReadError, ascii, read_text};
+use crate::format::records::{LeftOut, ReadError, plain, read_text};
 use crate::navigation_data::UtcParameters;
 use crate::orbit::broadcast::ura_index;
 use crate::time::SECONDS_PER_WEEK;
@@ -33,55 +33,120 @@ pub struct NavigationFile {
     pub data: NavigationData,
     /// Records of other systems and messages that were skipped.
     pub skipped: usize,
+    /// Records and lines of the header that do not follow the format.
+    pub left_out: LeftOut,
 }
 
 /// Reads a RINEX navigation file.
 ///
 /// # Errors
-/// When the file cannot be read, is compressed, is no navigation file or has a malformed record.
-pub fn read(path: impl AsRef<Path>) -> Result<NavigationData, ReadError> {
+/// When the file cannot be read, is compressed, is no navigation file, or all its records are malformed.
+pub fn read(path: impl AsRef<Path>) -> Result<NavigationFile, ReadError> {
     let path = path.as_ref();
-    Ok(parse(&read_text("RINEX", path)?, &path.display().to_string())?.data)
+    parse(&read_text("RINEX", path)?, &path.display().to_string())
 }
 
-/// Parses the text of a RINEX navigation file; `name` stands in error messages.
+/// Parses the text of a RINEX navigation file, or of several one after the other; `name` stands in error messages. A
+/// malformed record loses itself only.
 ///
 /// # Errors
-/// When the text is no RINEX navigation file or a record is malformed.
+/// When the text is no RINEX navigation file, or all its records are malformed.
 pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
-    let ascii = ascii(text);
-    let lines = Lines { file: name, lines: ascii.lines().map(str::trim_end).collect() };
-    let (header, mut at) = Header::read(&lines)?;
-    let mut file =
-        NavigationFile { version: header.version, data: NavigationData::default(), skipped: 0 };
-    file.data.ionosphere = header.alpha.zip(header.beta).and_then(|(a, b)| Klobuchar::sent(a, b));
-    let mut utc = header.utc;
+    let text = plain(text);
+    let lines = Lines { file: name, lines: text.lines().map(str::trim_end).collect() };
+    let start = lines.lines.iter().position(|line| !line.is_empty()).unwrap_or(0);
+    let mut left_out = LeftOut::default();
+    let (header, mut at) = Header::read(&lines, start, &mut left_out)?;
+    let mut reading = Reading {
+        file: NavigationFile {
+            version: header.version,
+            data: NavigationData::default(),
+            skipped: 0,
+            left_out,
+        },
+        header,
+        utc: None,
+    };
+    reading.take_header();
+    let mut first_error = None;
     while at < lines.lines.len() {
-        if lines.lines[at].is_empty() {
+        if lines.is_header(at) {
+            // Files one after the other.
+            let (header, next) = Header::read(&lines, at, &mut reading.file.left_out)?;
+            (reading.header, at) = (header, next);
+            reading.take_header();
+            continue;
+        }
+        if lines.lines[at].is_empty() || lines.is_comment(at) {
             at += 1;
             continue;
         }
-        let frame = if header.version >= 4.0 { Some(lines.frame(at)?) } else { None };
-        let first = at + usize::from(frame.is_some());
-        let end = lines.record_end(first, header.version);
+        let (end, taken) = reading.record(&lines, at);
+        if let Err(error) = taken {
+            reading.file.left_out.add("records left out", &error);
+            first_error.get_or_insert(error);
+        }
+        at = end.max(at + 1);
+    }
+    let Reading { mut file, header, utc } = reading;
+    file.data.utc = utc.map(|utc| header.with_leap_seconds(utc));
+    match first_error {
+        Some(error) if file.data.iter().next().is_none() => Err(error),
+        _ => Ok(file),
+    }
+}
+
+/// A file as far as it was read.
+struct Reading {
+    file: NavigationFile,
+    header: Header,
+    utc: Option<UtcParameters>,
+}
+
+impl Reading {
+    /// Takes what the header holds, where it holds it.
+    fn take_header(&mut self) {
+        let Header { alpha, beta, utc, .. } = self.header;
+        let sent = alpha.zip(beta).and_then(|(a, b)| Klobuchar::sent(a, b));
+        self.file.data.ionosphere = sent.or(self.file.data.ionosphere);
+        self.utc = utc.or(self.utc);
+    }
+
+    /// Takes the record that starts at line `at`, and gives the line after it.
+    fn record(&mut self, lines: &Lines, at: usize) -> (usize, Result<(), ReadError>) {
+        let version = self.header.version;
+        let framed = match (version >= 4.0).then(|| lines.frame(at)).transpose() {
+            Ok(frame) => frame,
+            Err(error) => return (lines.record_end(at, version), Err(error)),
+        };
+        let first = at + usize::from(framed.is_some());
+        let end = lines.record_end(first, version);
+        (end, self.content(lines, framed, first..end))
+    }
+
+    fn content(
+        &mut self,
+        lines: &Lines,
+        frame: Option<lines::Frame>,
+        range: std::ops::Range<usize>,
+    ) -> Result<(), ReadError> {
+        let (first, file) = (range.start, &mut self.file);
         match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
-            None | Some(("EPH", _, "LNAV")) => match header.satellite(&lines, first)? {
-                Some(sv) => file.data.insert(ephemeris(&lines, first..end, sv, &header)?),
+            None | Some(("EPH", _, "LNAV")) => match self.header.satellite(lines, first)? {
+                Some(sv) => file.data.insert(ephemeris(lines, range, sv, &self.header)?),
                 None => file.skipped += 1,
             },
             // QZSS sends coefficients of its own region, NavIC and BeiDou those of their own models.
             Some(("ION", 'G', "LNAV")) => {
-                file.data.ionosphere = ionosphere(&lines, first)?.or(file.data.ionosphere);
+                file.data.ionosphere = ionosphere(lines, first)?.or(file.data.ionosphere);
             }
             Some(("STO", 'G', "LNAV")) if lines.columns(first, 24, 4) == "GPUT" => {
-                utc = Some(time_offset(&lines, first)?);
+                self.utc = Some(time_offset(lines, first)?);
             }
             Some(_) => file.skipped += 1,
         }
-        at = end.max(at + 1);
+        Ok(())
     }
-    file.data.utc = utc.map(|utc| header.with_leap_seconds(utc));
-    Ok(file)
 }
 
 /// An LNAV record (RINEX 2.11 table A4, 3.05 table A6): up to eight lines of four fields.

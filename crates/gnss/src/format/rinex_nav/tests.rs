@@ -172,20 +172,47 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
         ),
     ];
     for (text, message) in cases {
-        let error = parse(&text, "brdc.22n").unwrap_err().to_string();
+        let error = complaint(&text);
         assert!(error.starts_with("reading RINEX brdc.22n, line"), "{error}");
         assert!(error.contains(message), "'{error}' should contain '{message}'");
     }
     let v4 = labelled("     4.00           N: GNSS NAV DATA", "RINEX VERSION / TYPE")
         + &labelled("", "END OF HEADER")
         + &g01_v3();
-    assert!(parse(&v4, "x").unwrap_err().to_string().contains("starts as in '> EPH G01 LNAV'"));
+    assert!(complaint(&v4).contains("starts as in '> EPH G01 LNAV'"));
     assert!(
         read("no/such/file")
             .unwrap_err()
             .to_string()
             .starts_with("reading the RINEX file no/such/file: ")
     );
+}
+
+/// The first complaint about a text: its error, or what was left out.
+fn complaint(text: &str) -> String {
+    match parse(text, "brdc.22n") {
+        Err(error) => error.to_string(),
+        Ok(file) => file.left_out.kinds()[0].first.clone(),
+    }
+}
+
+#[test]
+fn a_malformed_record_loses_itself_and_files_may_follow_each_other() {
+    let bad = G01_V2.replacen(" 1 22", " 2 22", 1).replacen("0.515367499542D+04", "0.0", 1);
+    let good = G01_V2.replacen(" 1 22", " 3 22", 1);
+    let comment = labelled("between", "COMMENT");
+    let text =
+        format!("\u{feff}\n{}{G01_V2}{bad}{comment}{}{good}\u{1a}\0\0", v2_header(), v2_header());
+    for text in [text.clone(), text.replace('\n', "\r"), text.replace('\n', "\r\n")] {
+        let file = parse(&text, "x").unwrap();
+        let satellites: Vec<String> = file.data.satellites().map(|sv| sv.to_string()).collect();
+        assert_eq!(satellites, ["G01", "G03"]);
+        let [kind] = file.left_out.kinds() else { panic!("{:?}", file.left_out) };
+        assert_eq!((kind.what, kind.count), ("records left out", 1));
+        assert!(kind.first.contains("sqrt(A) of G02"), "{}", kind.first);
+        assert!(file.data.ionosphere.is_some() && file.data.utc.is_some());
+    }
+    assert!(parse(&(v2_header() + &bad), "x").unwrap_err().to_string().contains("sqrt(A)"));
 }
 
 proptest! {

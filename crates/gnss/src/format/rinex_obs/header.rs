@@ -1,7 +1,7 @@
 //! The header of a RINEX observation file, and the fields of a satellite's signals in its records.
 
 use super::Source;
-use crate::format::records::Line;
+use crate::format::records::{LeftOut, Line};
 use crate::signal::{GPS_L1_CA, QZSS_L1_CA, Signal};
 use crate::{Constellation, GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
@@ -42,6 +42,8 @@ pub(super) struct Signals {
     pub system: char,
     /// Of version 2, one for all systems; else by system letter.
     names: Vec<(char, usize, Vec<String>)>,
+    /// Factors that stored values were multiplied by, by system letter, for the types named, or all.
+    factors: Vec<(char, f64, Vec<String>)>,
     pub gps: Fields,
     pub qzss: Fields,
     time_system: TimeSystem,
@@ -57,8 +59,12 @@ enum TimeSystem {
 /// Reads up to END OF HEADER.
 pub(super) fn read<R: BufRead>(
     source: &mut Source<R>,
+    left_out: &mut LeftOut,
 ) -> Result<(ObservationHeader, Signals), ReadError> {
-    let started = source.advance()?;
+    let mut started = source.advance()?;
+    while started && source.text.is_empty() {
+        started = source.advance()?;
+    }
     let first = source.line();
     if first.columns(60, 20).eq_ignore_ascii_case("CRINEX VERS   / TYPE") {
         let right = "unpack it with crx2rnx first";
@@ -84,6 +90,7 @@ pub(super) fn read<R: BufRead>(
         version,
         system: if system == 'M' { 'G' } else { system },
         names: Vec::new(),
+        factors: Vec::new(),
         gps: Fields::default(),
         qzss: Fields::default(),
         time_system: if system == 'R' { TimeSystem::Utc } else { TimeSystem::Gps },
@@ -94,16 +101,15 @@ pub(super) fn read<R: BufRead>(
             return Err(source.line().malformed("the header does not end", right));
         }
         let line = source.line();
-        match line.columns(60, 20).to_ascii_uppercase().as_str() {
-            "END OF HEADER" => break,
-            "MARKER NAME" => header.marker = line.columns(0, 60).to_owned(),
-            "APPROX POSITION XYZ" => {
-                let position = three(&line)?;
-                header.approximate_position_m = Some(position).filter(|p| p.norm() > 1.0);
+        if line.columns(60, 20).eq_ignore_ascii_case("END OF HEADER") {
+            break;
+        }
+        if let Err(error) = take(&mut header, &mut signals, &line) {
+            // What types of observations there are must be known.
+            if line.columns(60, 20).to_ascii_uppercase().contains("TYPES") {
+                return Err(error);
             }
-            "ANTENNA: DELTA H/E/N" => header.antenna_uen_m = three(&line)?,
-            "INTERVAL" => header.interval_s = line.real(0, 10)?.filter(|s| *s > 0.0),
-            _ => signals.take(&line)?,
+            left_out.add("lines of the header left out", &error);
         }
     }
     signals.resolve();
@@ -114,10 +120,35 @@ pub(super) fn read<R: BufRead>(
     Ok((header, signals))
 }
 
-/// Three numbers of 14 columns, blanks as zeros.
+/// Takes a line of the header.
+fn take(
+    header: &mut ObservationHeader,
+    signals: &mut Signals,
+    line: &Line,
+) -> Result<(), ReadError> {
+    match line.columns(60, 20).to_ascii_uppercase().as_str() {
+        "MARKER NAME" => header.marker = line.columns(0, 60).to_owned(),
+        "APPROX POSITION XYZ" => {
+            let position = three(line)?;
+            header.approximate_position_m = Some(position).filter(|p| p.norm() > 1.0);
+        }
+        "ANTENNA: DELTA H/E/N" => header.antenna_uen_m = three(line)?,
+        "INTERVAL" => header.interval_s = line.real(0, 10)?.filter(|s| *s > 0.0),
+        _ => signals.take(line)?,
+    }
+    Ok(())
+}
+
+/// Three numbers of 14 columns, blanks as zeros; or, of writers that miss the columns, with blanks between.
 fn three(line: &Line) -> Result<Vector3<f64>, ReadError> {
     let number = |k: usize| Ok(line.real(14 * k, 14)?.unwrap_or(0.0));
-    Ok(Vector3::new(number(0)?, number(1)?, number(2)?))
+    let columns = number(0).and_then(|x| Ok(Vector3::new(x, number(1)?, number(2)?)));
+    let words: Vec<f64> =
+        line.columns(0, 60).split_whitespace().map_while(|word| word.parse().ok()).collect();
+    match (columns, &words[..]) {
+        (Err(_), &[x, y, z]) => Ok(Vector3::new(x, y, z)),
+        (columns, _) => columns,
+    }
 }
 
 impl Signals {
@@ -137,6 +168,26 @@ impl Signals {
                 // A continuation has neither letter nor count.
                 let count = if letter.is_some() { line.columns(3, 3) } else { "" };
                 self.list(line, system, count, names.map(str::to_owned).collect())
+            }
+            "SYS / SCALE FACTOR" => {
+                let names = (0..12).map(|k| line.columns(10 + 4 * k, 3).to_owned());
+                let names: Vec<String> = names.filter(|name| !name.is_empty()).collect();
+                match line.columns(0, 1).chars().next() {
+                    Some(system) => {
+                        let factor: f64 = line.integer::<u32>(2, 4)?.into();
+                        if factor == 0.0 {
+                            return Err(
+                                line.malformed("a factor of 0", "1, 10, 100 or 1000 stands there")
+                            );
+                        }
+                        self.factors.push((system, factor, names));
+                    }
+                    // A continuation.
+                    None => self.factors.iter_mut().next_back().into_iter().for_each(|last| {
+                        last.2.extend(names.iter().cloned());
+                    }),
+                }
+                Ok(())
             }
             "TIME OF FIRST OBS" => {
                 self.time_system = match line.columns(48, 3) {
@@ -195,6 +246,15 @@ impl Signals {
         };
         let qzss = if self.version < 3.0 { 'G' } else { 'J' };
         (self.gps, self.qzss) = (fields('G', &GPS_L1_CA), fields(qzss, &QZSS_L1_CA));
+    }
+
+    /// The factor of the field `k` of a system's records.
+    pub fn factor(&self, system: char, k: usize) -> f64 {
+        let list = self.names.iter().find(|n| n.0 == system).and_then(|n| n.2.get(k));
+        let of = |(letter, _, names): &&(char, f64, Vec<String>)| {
+            *letter == system && (names.is_empty() || list.is_some_and(|name| names.contains(name)))
+        };
+        self.factors.iter().rfind(of).map_or(1.0, |factor| factor.1)
     }
 
     /// The index of a type of observation in the records of a system.

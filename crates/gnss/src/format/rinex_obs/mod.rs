@@ -9,7 +9,8 @@
 //! [`ObservationReader::next_pseudoranges`] gives the pseudoranges of other signals too, by their names.
 //!
 //! Deviations of real files are accepted: labels in any case, D exponents, CRLF, comments between any lines,
-//! missing trailing fields, event records and cycle-slip records. Errors name file, line and what is valid.
+//! missing trailing fields, event records and cycle-slip records, files one after the other. A malformed record loses
+//! itself only: it is counted, and named by file, line and what is valid.
 
 mod header;
 mod records;
@@ -20,7 +21,7 @@ mod write;
 pub use header::ObservationHeader;
 pub use write::{file_name, write};
 
-use crate::format::records::{Line, ascii, compressed, is_compressed};
+use crate::format::records::{LeftOut, Line, compressed, is_compressed, plain};
 #[cfg(doc)]
 use crate::observation::typical_noise;
 use crate::observation::{Observation, ObservationEpoch};
@@ -28,7 +29,7 @@ use crate::{GpsTime, ReadError, Sv};
 use header::Signals;
 use records::{Epoch, Field};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Longest line, bytes: 5000 fields.
@@ -42,6 +43,9 @@ pub struct ObservationReader<R> {
     /// Start of the file, for the epochs' `sample`.
     first: Option<GpsTime>,
     skipped: usize,
+    left_out: LeftOut,
+    /// The first malformed record, as long as no epoch was read.
+    first_error: Option<ReadError>,
     ended: bool,
 }
 
@@ -74,10 +78,19 @@ impl<R: BufRead> ObservationReader<R> {
     /// # Errors
     /// As [`open`].
     pub fn new(input: R, name: &str) -> Result<Self, ReadError> {
-        let mut source =
-            Source { input, name: name.to_owned(), text: String::new(), number: 0, bytes: 0 };
-        let (header, signals) = header::read(&mut source)?;
-        Ok(Self { source, header, signals, first: None, skipped: 0, ended: false })
+        let mut source = Source {
+            input,
+            name: name.to_owned(),
+            text: String::new(),
+            number: 0,
+            bytes: 0,
+            is_cut: false,
+            again: false,
+        };
+        let mut left_out = LeftOut::default();
+        let (header, signals) = header::read(&mut source, &mut left_out)?;
+        let (first, first_error) = (None, None);
+        Ok(Self { source, header, signals, first, skipped: 0, left_out, first_error, ended: false })
     }
 
     /// The header.
@@ -98,7 +111,7 @@ impl<R: BufRead> ObservationReader<R> {
         let epoch = self.next_epoch(|sv, fields, field| {
             let range = |name: &&str| {
                 let value = fields.index_of(sv, name).map(|k| field(k).value());
-                Ok(value.transpose()?.flatten().filter(|range| *range > 0.0))
+                Ok(value.transpose()?.flatten())
             };
             let ranges: Vec<Option<f64>> = signals.iter().map(range).collect::<Result<_, _>>()?;
             Ok(ranges.iter().any(Option::is_some).then_some((sv, ranges)))
@@ -109,7 +122,8 @@ impl<R: BufRead> ObservationReader<R> {
         }))
     }
 
-    /// The next epoch, none at the end of the file and after an error.
+    /// The next epoch, none at the end of the file. Malformed records are left out; where there is nothing else, the first
+    /// of them is the error.
     fn next_epoch<T>(
         &mut self,
         take: impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
@@ -119,7 +133,25 @@ impl<R: BufRead> ObservationReader<R> {
         }
         let epoch = records::next_epoch(self, take);
         self.ended = !matches!(epoch, Ok(Some(_)));
-        epoch
+        match (&epoch, self.first_error.take()) {
+            (Ok(None), Some(error)) if self.first.is_none() => Err(error),
+            (Ok(None) | Err(_), _) => epoch,
+            (Ok(Some(found)), _) => {
+                self.first.get_or_insert(found.receive_time);
+                epoch
+            }
+        }
+    }
+
+    /// Leaves a malformed record out.
+    fn leave_out(&mut self, what: &'static str, error: ReadError) {
+        self.left_out.add(what, &error);
+        self.first_error.get_or_insert(error);
+    }
+
+    /// Records so far that were left out, since they do not follow the format.
+    pub fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     /// Satellites of epochs so far that were skipped: of other systems, or without code and Doppler.
@@ -133,7 +165,8 @@ impl<R: BufRead> ObservationReader<R> {
     }
 }
 
-/// Epochs in the order of the file; `sample` counts seconds from the first. After an error there are no more.
+/// Epochs in the order of the file, which may be several files one after the other; `sample` counts seconds from the
+/// first.
 impl<R: BufRead> Iterator for ObservationReader<R> {
     type Item = Result<ObservationEpoch, ReadError>;
 
@@ -143,7 +176,7 @@ impl<R: BufRead> Iterator for ObservationReader<R> {
             let mut observations: Vec<Observation> = satellites;
             observations.iter_mut().for_each(|o| o.lost_lock |= power_failed);
             observations.sort_by_key(|o| o.transmission);
-            let sample = receive_time - *self.first.get_or_insert(receive_time);
+            let sample = receive_time - self.first.unwrap_or(receive_time);
             ObservationEpoch { receive_time, sample, observations }
         }))
     }
@@ -156,29 +189,57 @@ struct Source<R> {
     text: String,
     number: usize,
     bytes: u64,
+    /// Whether the file ends within the line.
+    is_cut: bool,
+    /// Whether the next step stays at this line.
+    again: bool,
 }
 
 impl<R: BufRead> Source<R> {
+    /// The bytes up to the next line feed or carriage return, or both, and whether one came.
+    fn read_line(&mut self) -> std::io::Result<(Vec<u8>, bool)> {
+        let mut line = Vec::new();
+        let ends = |b: &u8| matches!(b, b'\n' | b'\r');
+        loop {
+            let buffer = self.input.fill_buf()?;
+            let end = buffer.iter().position(ends);
+            let (used, ended) = (end.map_or(buffer.len(), |k| k + 1), end.is_some());
+            let is_return = end.is_some_and(|k| buffer[k] == b'\r');
+            line.extend_from_slice(&buffer[..end.unwrap_or(used)]);
+            self.input.consume(used);
+            self.bytes += used as u64;
+            if is_return && self.input.fill_buf()?.first() == Some(&b'\n') {
+                self.input.consume(1);
+                self.bytes += 1;
+            }
+            if ended || used == 0 || line.len() as u64 >= LONGEST_LINE {
+                return Ok((line, ended));
+            }
+        }
+    }
+
     /// Goes to the next line; false at the end of the file.
     fn step(&mut self) -> Result<bool, ReadError> {
-        let mut bytes = Vec::new();
-        let read = (&mut self.input).take(LONGEST_LINE).read_until(b'\n', &mut bytes);
-        let read = read.map_err(|source| ReadError::Io {
+        if std::mem::take(&mut self.again) {
+            return Ok(true);
+        }
+        let read = self.read_line();
+        let (bytes, ended) = read.map_err(|source| ReadError::Io {
             format: "RINEX",
             path: self.name.as_str().into(),
             source,
         })?;
-        self.bytes += read as u64;
+        self.is_cut = !ended;
         self.number += 1;
         if self.number == 1 && is_compressed(&bytes) {
             return Err(compressed("RINEX", &self.name));
         }
-        self.text = ascii(String::from_utf8_lossy(&bytes).trim_end());
-        if read as u64 == LONGEST_LINE {
+        self.text = plain(String::from_utf8_lossy(&bytes).trim_end()).trim_end().to_owned();
+        if bytes.len() as u64 >= LONGEST_LINE {
             let problem = format!("the line is longer than {LONGEST_LINE} bytes");
             return Err(self.line().malformed(problem, "RINEX files are text"));
         }
-        Ok(read > 0)
+        Ok(ended || !bytes.is_empty())
     }
 
     /// Goes to the next line that is no comment; false at the end of the file.
@@ -191,13 +252,9 @@ impl<R: BufRead> Source<R> {
         }
     }
 
-    /// Goes to the next line, which must be there: `what` names it in errors.
-    fn expect(&mut self, what: &str) -> Result<(), ReadError> {
-        if self.advance()? {
-            return Ok(());
-        }
-        let right = format!("{what} follow");
-        Err(self.line().malformed("the file ends in the middle of a record", right))
+    /// Whether a header starts at this line.
+    fn is_header(&self) -> bool {
+        self.line().columns(60, 20).eq_ignore_ascii_case("RINEX VERSION / TYPE")
     }
 
     fn line(&self) -> Line<'_> {

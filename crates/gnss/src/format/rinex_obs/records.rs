@@ -1,7 +1,7 @@
 //! The records of a RINEX observation file: epochs, their satellites, and events between them.
 
 use super::ObservationReader;
-use super::header::Signals;
+use super::header::{self, Signals};
 use crate::format::records::Line;
 use crate::observation::{CodeRange, Observation, typical_noise};
 use crate::{Constellation, GpsTime, ReadError, Sv, signal};
@@ -22,21 +22,28 @@ pub(super) struct Epoch<T> {
     pub satellites: Vec<T>,
 }
 
-/// The next epoch, none at the end of the file. `take` converts a satellite's fields, given by
-/// their indices; none if they hold nothing of interest.
-pub(super) fn next_epoch<R: BufRead, T>(
-    reader: &mut ObservationReader<R>,
-    take: impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
-) -> Result<Option<Epoch<T>>, ReadError> {
-    loop {
-        if !reader.source.advance()? {
-            return Ok(None);
-        }
-        let line = reader.source.line();
-        if line.text.is_empty() {
-            continue;
-        }
-        let modern = reader.signals.version >= 3.0;
+/// What converts a satellite's fields, given by their indices; none if they hold nothing of interest.
+pub(super) trait Take<T>:
+    for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>
+{
+}
+
+impl<T, F> Take<T> for F where
+    F: for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>
+{
+}
+
+/// The first line of an epoch or event.
+struct Start {
+    flag: u8,
+    /// Satellites, or lines, that follow.
+    count: usize,
+    receive_time: GpsTime,
+}
+
+impl Start {
+    fn of(line: &Line, signals: &Signals) -> Result<Self, ReadError> {
+        let modern = signals.version >= 3.0;
         if modern && !line.text.starts_with('>') {
             let problem = format!("'{}' starts no epoch", line.columns(0, 20));
             return Err(line.malformed(problem, "an epoch starts with '>'"));
@@ -46,84 +53,198 @@ pub(super) fn next_epoch<R: BufRead, T>(
             "" => 0,
             _ => line.integer(flag, 1)?,
         };
-        let count: usize = line.integer(count, 3)?;
-        match flag {
-            0 | 1 => {
-                let epoch = if modern { line.epoch(2, 4, 11)? } else { line.epoch(1, 2, 11)? };
-                let receive_time = reader.signals.gps_time(epoch);
-                let satellites = satellites(reader, count, &take)?;
-                return Ok(Some(Epoch { receive_time, power_failed: flag == 1, satellites }));
-            }
-            // Events: so many lines of the header follow, comments among them.
-            2..=5 => {
-                for _ in 0..count {
-                    reader.source.step()?;
-                    reader.signals.take(&reader.source.line())?;
-                }
-                reader.signals.resolve();
-            }
-            // Cycle slips, in the form of observations: they are no measurements.
-            6 => drop(satellites(reader, count, &take)?),
+        let is_event = (2..=5).contains(&flag);
+        let count = match line.columns(count, 3) {
+            "" if is_event => 0,
+            _ => line.integer(count, 3)?,
+        };
+        let receive_time = match flag {
+            // Of events a date is not needed.
+            2..=5 => GpsTime::from_week_tow(0, 0.0),
+            0 | 1 | 6 if modern => signals.gps_time(line.epoch(2, 4, 11)?),
+            0 | 1 | 6 => match line.epoch(1, 2, 11) {
+                Ok(epoch) => signals.gps_time(epoch),
+                Err(_) if flag == 6 => GpsTime::from_week_tow(0, 0.0),
+                Err(error) => return Err(error),
+            },
             other => {
                 let problem = format!("the epoch flag {other} is not known");
                 return Err(line.malformed(problem, "flags are 0 to 6"));
             }
+        };
+        Ok(Self { flag, count, receive_time })
+    }
+}
+
+/// The next epoch, none at the end of the file.
+pub(super) fn next_epoch<R: BufRead, T>(
+    reader: &mut ObservationReader<R>,
+    take: impl Take<T>,
+) -> Result<Option<Epoch<T>>, ReadError> {
+    // Whether what does not start an epoch is told already.
+    let mut is_lost = false;
+    loop {
+        if !reader.source.advance()? {
+            return Ok(None);
+        }
+        if reader.source.text.is_empty() {
+            continue;
+        }
+        if reader.source.is_header() {
+            // Files one after the other.
+            reader.source.again = true;
+            let (_, signals) = header::read(&mut reader.source, &mut reader.left_out)?;
+            reader.signals = signals;
+            continue;
+        }
+        let start = match Start::of(&reader.source.line(), &reader.signals) {
+            Ok(start) => start,
+            Err(error) => {
+                if !std::mem::replace(&mut is_lost, true) {
+                    reader.leave_out("epochs left out", error);
+                }
+                continue;
+            }
+        };
+        is_lost = false;
+        match start.flag {
+            0 | 1 => {
+                let satellites = satellites(reader, start.count, &take)?;
+                let (receive_time, power_failed) = (start.receive_time, start.flag == 1);
+                return Ok(Some(Epoch { receive_time, power_failed, satellites }));
+            }
+            // Events: so many lines of the header follow, comments among them.
+            2..=5 => {
+                for _ in 0..start.count {
+                    if !reader.source.step()? {
+                        return Ok(None);
+                    }
+                    if let Err(error) = reader.signals.take(&reader.source.line()) {
+                        reader.leave_out("lines of events left out", error);
+                    }
+                }
+                reader.signals.resolve();
+            }
+            // Cycle slips, in the form of observations: they are no measurements.
+            _ => drop(satellites(reader, start.count, &take)?),
         }
     }
 }
 
-/// The `count` satellites of an epoch whose first line the source is at, those that are read.
+/// The `count` satellites of an epoch whose first line the source is at, those that are read. Where the next epoch starts
+/// earlier, or the file ends, there are fewer.
 fn satellites<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     count: usize,
-    take: &impl for<'a> Fn(Sv, &Signals, &dyn Fn(usize) -> Field<'a>) -> Result<Option<T>, ReadError>,
+    take: &impl Take<T>,
 ) -> Result<Vec<T>, ReadError> {
-    let ObservationReader { source, signals, skipped, .. } = reader;
-    let mut taken = Vec::with_capacity(count);
-    let mut add = |satellite: Option<T>| match satellite {
-        Some(satellite) => taken.push(satellite),
-        None => *skipped += 1,
-    };
-    if signals.version >= 3.0 {
-        for _ in 0..count {
-            source.expect("the satellites of the epoch")?;
-            let line = source.line();
-            if line.text.starts_with('>') {
-                let right = format!("{count} satellites follow their epoch");
-                return Err(line.malformed("an epoch starts before the last one ended", right));
-            }
-            let name = line.columns(0, 3).to_owned();
-            let field = |k: usize| Field { line, start: 3 + 16 * k };
-            let sv = known(&name, &line, signals.system)?;
-            add(sv.map(|sv| take(sv, signals, &field)).transpose()?.flatten());
-        }
-        return Ok(taken);
+    if reader.signals.version >= 3.0 {
+        modern_satellites(reader, count, take)
+    } else {
+        old_satellites(reader, count, take)
     }
-    let mut names: Vec<(String, usize)> = Vec::with_capacity(count);
+}
+
+impl<R: BufRead> ObservationReader<R> {
+    /// Goes to the next line of an epoch; false, with a note, where it has none.
+    fn within_epoch(
+        &mut self,
+        what: &str,
+        ends: fn(&Line, &Signals) -> bool,
+    ) -> Result<bool, ReadError> {
+        let there = self.source.advance()?;
+        let line = self.source.line();
+        let problem = match there {
+            false => "the file ends in the middle of a record",
+            true if self.source.is_header() || ends(&line, &self.signals) => {
+                "an epoch starts before the last one ended"
+            }
+            true => return Ok(true),
+        };
+        let error = line.malformed(problem, format!("{what} follow"));
+        self.source.again = there;
+        self.leave_out("epochs cut short", error);
+        Ok(false)
+    }
+
+    /// Adds what `take` makes of a satellite.
+    fn add<T>(&mut self, satellite: Result<Option<T>, ReadError>, taken: &mut Vec<T>) {
+        match satellite {
+            Ok(Some(satellite)) => taken.push(satellite),
+            Ok(None) => self.skipped += 1,
+            Err(error) => self.leave_out("satellites left out", error),
+        }
+    }
+}
+
+fn modern_satellites<R: BufRead, T>(
+    reader: &mut ObservationReader<R>,
+    count: usize,
+    take: &impl Take<T>,
+) -> Result<Vec<T>, ReadError> {
+    let mut taken = Vec::new();
+    for _ in 0..count {
+        if !reader
+            .within_epoch("the satellites of the epoch", |line, _| line.text.starts_with('>'))?
+        {
+            break;
+        }
+        let (line, is_cut) = (reader.source.line(), reader.source.is_cut);
+        let name = line.columns(0, 3);
+        let system = name.chars().next().unwrap_or(' ').to_ascii_uppercase();
+        let signals = &reader.signals;
+        let field = |k: usize| {
+            let factor = signals.factor(system, k);
+            Field { line, start: 3 + 16 * k, factor, is_cut }
+        };
+        let sv = known(name, &line, signals.system);
+        let satellite = sv.and_then(|sv| sv.map_or(Ok(None), |sv| take(sv, signals, &field)));
+        reader.add(satellite, &mut taken);
+    }
+    Ok(taken)
+}
+
+fn old_satellites<R: BufRead, T>(
+    reader: &mut ObservationReader<R>,
+    count: usize,
+    take: &impl Take<T>,
+) -> Result<Vec<T>, ReadError> {
+    let mut names: Vec<(String, usize)> = Vec::new();
     loop {
-        let line = source.line();
+        let line = reader.source.line();
         let here = (count - names.len()).min(NAMES_PER_LINE);
         names.extend((0..here).map(|k| (line.columns(32 + 3 * k, 3).to_owned(), line.number)));
         if names.len() == count {
             break;
         }
-        source.expect("further satellites of the epoch")?;
-    }
-    let count = signals.gps.count.div_ceil(FIELDS_PER_LINE);
-    for (name, number) in names {
-        let mut lines = Vec::with_capacity(count);
-        for _ in 0..count {
-            source.expect("the observations of the epoch")?;
-            lines.push((source.text.clone(), source.number));
+        if !reader.within_epoch("further satellites of the epoch", |_, _| false)? {
+            break;
         }
-        let at = Line { format: "RINEX", file: &source.name, number, text: "" };
+    }
+    let mut taken = Vec::new();
+    let lines_each = reader.signals.gps.count.div_ceil(FIELDS_PER_LINE);
+    for (name, number) in names {
+        let mut lines = Vec::with_capacity(lines_each);
+        for _ in 0..lines_each {
+            let starts = |line: &Line, signals: &Signals| {
+                Start::of(line, signals).is_ok_and(|start| start.flag < 2)
+            };
+            if !reader.within_epoch("the observations of the epoch", starts)? {
+                return Ok(taken);
+            }
+            let source = &reader.source;
+            lines.push((source.text.clone(), source.number, source.is_cut));
+        }
+        let signals = &reader.signals;
+        let at = Line { format: "RINEX", file: &reader.source.name, number, text: "" };
         let field = |k: usize| {
-            let (text, number) = &lines[k / FIELDS_PER_LINE];
+            let (text, number, is_cut) = &lines[k / FIELDS_PER_LINE];
             let line = Line { text, number: *number, ..at };
-            Field { line, start: 16 * (k % FIELDS_PER_LINE) }
+            Field { line, start: 16 * (k % FIELDS_PER_LINE), factor: 1.0, is_cut: *is_cut }
         };
-        let sv = known(&name, &at, signals.system)?;
-        add(sv.map(|sv| take(sv, signals, &field)).transpose()?.flatten());
+        let sv = known(&name, &at, signals.system);
+        let satellite = sv.and_then(|sv| sv.map_or(Ok(None), |sv| take(sv, signals, &field)));
+        reader.add(satellite, &mut taken);
     }
     Ok(taken)
 }
@@ -148,12 +269,20 @@ fn known(name: &str, line: &Line, system: char) -> Result<Option<Sv>, ReadError>
 pub(super) struct Field<'a> {
     line: Line<'a>,
     start: usize,
+    /// What the stored value was multiplied by.
+    factor: f64,
+    /// Whether the file ends within the line.
+    is_cut: bool,
 }
 
 impl Field<'_> {
-    /// The value; blank and zero mean that it is missing.
+    /// The value; blank and zero mean that it is missing, and where the file ends within it it is not known.
     pub fn value(&self) -> Result<Option<f64>, ReadError> {
-        Ok(self.line.real(self.start, 14)?.filter(|v| *v != 0.0))
+        if self.is_cut && self.line.text.len() < self.start + 14 {
+            return Ok(None);
+        }
+        let value = self.line.real(self.start, 14)?.filter(|v| *v != 0.0);
+        Ok(value.map(|v| v / self.factor))
     }
 
     /// Bit 0 of the loss-of-lock indicator.
@@ -178,7 +307,7 @@ pub(super) fn observation<'a>(
     let value = |k: Option<usize>| k.map_or(Ok(None), |k| field(k).value());
     let mut code = None;
     for &k in &fields.code {
-        code = code.or(field(k).value()?.filter(|range| *range > 0.0));
+        code = code.or(field(k).value()?);
     }
     let doppler = value(fields.doppler)?;
     let phase = value(fields.phase)?;

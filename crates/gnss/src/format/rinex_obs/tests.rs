@@ -211,12 +211,76 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
         (cut, "the file ends in the middle of a record; the observations of the epoch follow"),
     ];
     for (text, message) in cases {
-        let error = read(&text).unwrap_err().to_string();
+        let error = complaint(&text);
         assert!(error.starts_with("reading RINEX x.obs, line"), "{error}");
         assert!(error.contains(message), "'{error}' should contain '{message}'");
     }
     let missing = open("no/such/file").err().unwrap().to_string();
     assert!(missing.starts_with("reading the RINEX file no/such/file: "), "{missing}");
+}
+
+/// The first complaint about a text: its error, or what was left out.
+fn complaint(text: &str) -> String {
+    let mut reader = match ObservationReader::new(text.as_bytes(), "x.obs") {
+        Ok(reader) => reader,
+        Err(error) => return error.to_string(),
+    };
+    let errors: Vec<String> =
+        reader.by_ref().filter_map(|epoch| epoch.err()).map(|error| error.to_string()).collect();
+    match reader.left_out().kinds() {
+        [] => errors[0].clone(),
+        [kind, ..] => kind.first.clone(),
+    }
+}
+
+/// What is read, and how much of what kind was left out.
+fn sums(text: &str) -> (usize, usize, Vec<(&'static str, usize)>) {
+    let mut reader = ObservationReader::new(text.as_bytes(), "x").unwrap();
+    let epochs: Vec<ObservationEpoch> = reader.by_ref().map(Result::unwrap).collect();
+    let left_out = reader.left_out().kinds().iter().map(|kind| (kind.what, kind.count));
+    (epochs.len(), epochs.iter().map(|e| e.observations.len()).sum(), left_out.collect())
+}
+
+#[test]
+fn a_malformed_record_loses_itself_and_files_may_follow_each_other() {
+    let (two, three) = (v2_header() + V2_EPOCH, v3_header() + V3_EPOCH);
+    let (of_two, of_three) = (sums(&two), sums(&three));
+    let double =
+        |(epochs, satellites, _): &(usize, usize, Vec<_>)| (2 * epochs, 2 * satellites, vec![]);
+    assert_eq!(sums(&(two.clone() + &two)), double(&of_two));
+    assert_eq!(sums(&(three.clone() + &three)), double(&of_three));
+    for odd in [three.replace('\n', "\r"), format!("\u{feff}\n{three}\u{1a}\0\0")] {
+        assert_eq!(sums(&odd), of_three);
+    }
+    let again = three.replace("> 2024", "> 20x4") + V3_EPOCH;
+    let (epochs, satellites, left_out) = sums(&again);
+    assert_eq!((epochs, satellites), (1, of_three.1));
+    assert_eq!(left_out, [("epochs left out", 1)]);
+    // One satellite fewer than the epoch says, one that does not exist, a number that is none.
+    for (from, to, fewer, what) in [
+        ("  0  3  ", "  0  4  ", 0, "epochs cut short"),
+        ("G02   ", "G77   ", 1, "satellites left out"),
+        ("45.770", "45,770", 1, "satellites left out"),
+    ] {
+        let text = three.replacen(from, to, 1) + V3_EPOCH;
+        assert_eq!(sums(&text), (2, 2 * of_three.1 - fewer, vec![(what, 1)]), "{to}");
+    }
+    // The file ends within a number.
+    let at = three.find("21276226.827").expect("a range") + 6;
+    let epochs = read(&three[..at]).unwrap();
+    assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.range.is_none()));
+}
+
+#[test]
+fn stored_values_are_divided_by_their_factor_and_ranges_may_be_negative() {
+    let factor = labelled("G  100  1 C1C", "SYS / SCALE FACTOR");
+    let end = labelled("", "END OF HEADER");
+    let text = v3_header().replace(&end, &(factor + &end)) + V3_EPOCH;
+    let plain = read(&(v3_header() + V3_EPOCH)).unwrap();
+    let scaled = read(&text.replace("   21276226.827", "  -21276226.827")).unwrap();
+    let (plain, scaled) = (&plain[0].observations[0], &scaled[0].observations[0]);
+    assert_eq!(range(scaled), -range(plain) / 100.0);
+    assert_eq!(scaled.doppler_hz, plain.doppler_hz);
 }
 
 proptest! {
