@@ -1,6 +1,7 @@
 //! Navigation data: ephemerides, ionosphere and UTC.
 
 use crate::atmosphere::Klobuchar;
+use crate::galileo_data::GalileoData;
 use crate::orbit::NoOrbit;
 use crate::orbit::precise::PreciseOrbit;
 use crate::{Ephemeris, GpsTime, Orbit, Sv};
@@ -48,6 +49,8 @@ pub struct NavigationData {
     pub utc: Option<UtcParameters>,
     /// Satellites whose newest hand-over word raises the alert flag.
     pub alerts: BTreeSet<Sv>,
+    /// What Galileo sends beside its ephemerides.
+    pub galileo: GalileoData,
 }
 
 /// Ephemerides whose `t_oe` are nearer to each other than this, s, are of one time: an upload moves it by 16 s and
@@ -73,6 +76,7 @@ impl NavigationData {
         self.ionosphere = other.ionosphere.or(self.ionosphere);
         self.utc = other.utc.or(self.utc);
         self.alerts.extend(other.alerts);
+        self.galileo.merge(other.galileo);
         other.ephemerides.into_values().flatten().for_each(|e| self.insert(e));
         other.precise.into_iter().for_each(|(sv, orbit)| self.insert_precise(sv, orbit));
     }

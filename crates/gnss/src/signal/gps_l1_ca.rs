@@ -28,6 +28,7 @@ pub(super) const SIGNAL: Signal = Signal {
     symbols: |_| Some(Symbols { periods: 20, decoder: || Box::new(FrameDecoder::new()) }),
     partner: None,
     power_fraction: 1.0,
+    phase_cycles: 0.0,
 };
 
 #[cfg(test)]

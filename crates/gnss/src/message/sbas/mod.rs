@@ -7,17 +7,15 @@
 //! first bit of a message leaves the satellite on a whole second of the SBAS network time.
 
 mod decoder;
-mod fields;
 mod messages;
 #[cfg(test)]
 mod tests;
 
 pub use decoder::SbasDecoder;
-pub use fields::OutOfRange;
 pub use messages::*;
 
 use super::convolutional::{Encoder, SecondOutput};
-use super::crc24q;
+use super::{OutOfRange, crc24q};
 
 /// Bits of a message with preamble and parity.
 pub const MESSAGE_BITS: usize = 250;
