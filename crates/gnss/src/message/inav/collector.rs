@@ -113,7 +113,7 @@ impl InavCollector {
         data: &mut NavigationData,
     ) -> Option<Update> {
         let satellite = self.satellites.get_mut(&sv)?;
-        let (tow, week) = (satellite.tow?, self.week?);
+        let tow = satellite.tow?;
         let since = |before: f64| (tow - before).rem_euclid(SECONDS_PER_WEEK as f64);
         if satellite.almanac_tow.is_none_or(|before| since(before) > ALMANAC_SPAN_S) {
             satellite.almanac = AlmanacWords::default();
@@ -133,12 +133,13 @@ impl InavCollector {
                 AlmanacWords { first: None, second, third: Some(word), fourth: None }
             }
             InavWord::Almanac10(word) => {
-                data.galileo.gps_offset = word.gps_offset.resolve(week);
+                let offset = self.week.and_then(|week| word.gps_offset.resolve(week));
+                data.galileo.gps_offset = offset;
                 AlmanacWords { first: None, second: None, third, fourth: Some(word) }
             }
             _ => return None,
         };
-        let almanac = satellite.almanac.almanac(week)?;
+        let almanac = satellite.almanac.almanac(self.week?)?;
         let of = almanac.sv;
         self.almanacs.insert(of, almanac);
         Some(Update::Almanac(of))

@@ -1,1 +1,503 @@
+use super::*;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::galileo_data::GalileoHealth;
+use crate::message::{Content, MessageDecoder, NavigationCollector, Page, Update};
+use crate::navigation_data::UtcParameters;
+use crate::{Constellation, Ephemeris, GpsTime, Sv};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
+/// First page of E05 of 2022-02-20, GST week 1174, second 28801: its bits, and its 500 symbols by the encoder of
+/// another implementation.
+const E05_BITS: &str = "020BBF1CA9A889BE6BE4AC050598C0BA53548B8E8FC22AAAAA5D1A90BF40";
+const E05_SYMBOLS: &str = "\
+    580a49660bde68d738f876766d2e2b84116069f7bdff37cd626eaadd596494960d5a3f\
+    03162402cef5c605c6a0f3d540382f51b182403c91ca00275f27d9c";
+
+/// A page as recorded: week and second of GST at its start, satellite, bits.
+struct Recorded {
+    week: u16,
+    tow: u32,
+    sv: Sv,
+    bits: InavPageBits,
+}
+
+/// Real pages (`SDR_RX_DATA`, `signals/messages/`).
+fn recorded(name: &str) -> Vec<Recorded> {
+    let Some(text) = shared(name) else { return Vec::new() };
+    let page = |line: &str| {
+        let mut words = line.split_whitespace();
+        let mut next = || words.next().unwrap();
+        let (week, tow) = (next().parse().unwrap(), next().parse().unwrap());
+        let sv = Sv::new(Constellation::Galileo, next().parse().unwrap()).unwrap();
+        Recorded { week, tow, sv, bits: bits_of(next()) }
+    };
+    text.lines().filter(|line| !line.starts_with('#')).map(page).collect()
+}
+
+fn shared(name: &str) -> Option<String> {
+    let Some(folder) = std::env::var_os("SDR_RX_DATA") else {
+        println!("SDR_RX_DATA is not set: real pages are passed over");
+        return None;
+    };
+    Some(
+        std::fs::read_to_string(std::path::Path::new(&folder).join("signals/messages").join(name))
+            .unwrap(),
+    )
+}
+
+fn bits_of<const N: usize>(hexadecimal: &str) -> [bool; N] {
+    let digits: Vec<u32> = hexadecimal.chars().map(|c| c.to_digit(16).unwrap()).collect();
+    assert_eq!(4 * digits.len(), N);
+    std::array::from_fn(|k| digits[k / 4] >> (3 - k % 4) & 1 == 1)
+}
+
+const FILES: [&str; 2] = ["inav_pages_20220220.txt", "inav_pages_20231007.txt"];
+
+#[test]
+fn a_real_page_has_the_symbols_of_another_encoder() {
+    let bits = bits_of(E05_BITS);
+    let page = InavPage::decode(&bits).unwrap();
+    assert_eq!(page.encode(), Ok(bits));
+    let expected = bits_of::<PAGE_SYMBOLS>(E05_SYMBOLS).map(|bit| if bit { -1 } else { 1 });
+    assert_eq!(page_symbols(&bits), expected);
+    let Some(InavWord::Ephemeris2(word)) = page.word else { panic!("word 2") };
+    // Values of the other implementation.
+    let expected = Word2 {
+        iod_nav: 46,
+        omega0: -0.08718275215157066,
+        i0: 0.956598647361933,
+        omega: -1.9615695485252558,
+        idot: -5.189501877869111e-10,
+    };
+    assert_close(
+        &[word.omega0, word.i0, word.omega],
+        &[expected.omega0, expected.i0, expected.omega],
+    );
+    assert_close(&[word.idot, 46.0], &[expected.idot, word.iod_nav.into()]);
+}
+
+/// Of a parameter that another implementation multiplied by pi, to the last bits of both.
+fn assert_close(ours: &[f64], theirs: &[f64]) {
+    for (ours, theirs) in ours.iter().zip(theirs) {
+        assert!((ours - theirs).abs() <= 1e-13 * theirs.abs(), "{ours:e} {theirs:e}");
+    }
+}
+
+/// Names and values of a word as the other implementation has them.
+fn fields(word: &InavWord) -> Vec<(&'static str, f64)> {
+    match word.clone() {
+        InavWord::SpareTime(w) => vec![("time", w.time.into()), ("wn", w.week.into())],
+        InavWord::Ephemeris1(w) => vec![
+            ("iod", w.iod_nav.into()),
+            ("toe", w.toe),
+            ("M0", w.m0),
+            ("e", w.e),
+            ("sqrtA", w.sqrt_a),
+        ],
+        InavWord::Ephemeris2(w) => vec![
+            ("iod", w.iod_nav.into()),
+            ("Om0", w.omega0),
+            ("i0", w.i0),
+            ("w", w.omega),
+            ("idot", w.idot),
+        ],
+        InavWord::Ephemeris3(w) => vec![
+            ("iod", w.iod_nav.into()),
+            ("Omd", w.omega_dot),
+            ("dn", w.delta_n),
+            ("cuc", w.cuc),
+            ("cus", w.cus),
+            ("crc", w.crc),
+            ("crs", w.crs),
+            ("sisa", w.sisa.into()),
+        ],
+        InavWord::Ephemeris4(w) => vec![
+            ("iod", w.iod_nav.into()),
+            ("svid", w.sv_id.into()),
+            ("cic", w.cic),
+            ("cis", w.cis),
+            ("toc", w.toc),
+            ("af0", w.af0),
+            ("af1", w.af1),
+            ("af2", w.af2),
+        ],
+        InavWord::IonosphereHealth(w) => vec![
+            ("ai0", w.ai[0]),
+            ("ai1", w.ai[1]),
+            ("ai2", w.ai[2]),
+            ("sf", w.storm_flags.into()),
+            ("bgd_a", w.bgd_e1_e5a),
+            ("bgd_b", w.bgd_e1_e5b),
+            ("e5b_hs", w.health.e5b_status.into()),
+            ("e1b_hs", w.health.e1b_status.into()),
+            ("e5b_dvs", u8::from(w.health.e5b_not_valid).into()),
+            ("e1b_dvs", u8::from(w.health.e1b_not_valid).into()),
+            ("wn", w.week.into()),
+        ],
+        InavWord::Utc(w) => vec![
+            ("A0", w.a0),
+            ("A1", w.a1),
+            ("dtls", w.delta_t_ls),
+            ("t0t", w.t0t),
+            ("wn0t", w.week_0t.into()),
+            ("wnlsf", w.week_lsf.into()),
+            ("dn", w.day.into()),
+            ("dtlsf", w.delta_t_lsf),
+        ],
+        InavWord::Almanac10(w) => vec![
+            ("ggA0", w.gps_offset.a0g),
+            ("ggA1", w.gps_offset.a1g),
+            ("ggt0", w.gps_offset.t0g),
+            ("ggwn", w.gps_offset.week_0g.into()),
+        ],
+        _ => Vec::new(),
+    }
+}
+
+/// Each field but the time of week equals that of the first word of its type that the other implementation decoded of
+/// the satellite. In the recorded minute nothing changes but that a new issue of data may begin.
+#[test]
+fn real_pages_give_what_another_implementation_reads() {
+    let Some(expected) = shared("inav_expected.json") else { return };
+    let expected: serde_json::Value = serde_json::from_str(&expected).unwrap();
+    let pages = recorded(FILES[0]);
+    assert_eq!(pages.len(), 217);
+    let mut compared = 0;
+    for Recorded { sv, bits, .. } in &pages {
+        let word = InavPage::decode(bits).unwrap().word.unwrap();
+        let theirs = &expected["decoded"][sv.number().to_string()][format!("W{}", word.kind())];
+        assert_eq!(theirs["type"], word.kind(), "{sv}");
+        if fields(&word).first().is_some_and(|&(name, iod)| name == "iod" && theirs["iod"] != iod) {
+            continue;
+        }
+        for (name, ours) in fields(&word) {
+            assert_close(&[ours], &[theirs[name].as_f64().unwrap()]);
+            compared += 1;
+        }
+    }
+    assert!(compared > 700, "{compared}");
+}
+
+/// Of the dummy words of E20 in 2022 the whole contents are kept.
+#[test]
+fn real_pages_are_encoded_to_their_bits_and_tell_their_time() {
+    for Recorded { week, tow, sv, bits } in FILES.iter().flat_map(|name| recorded(name)) {
+        let page = InavPage::decode(&bits).unwrap();
+        assert_eq!(page.encode(), Ok(bits), "{sv} {tow}");
+        let word = page.word.unwrap();
+        assert!(word.tow_s().is_none_or(|stated| stated == f64::from(tow)), "{sv} {tow}");
+        assert!(word.week().is_none_or(|stated| stated == week));
+        // Since 2023 the secondary synchronisation pattern tells the second modulo 6 (OS SIS ICD 2.1 table 44).
+        if week > 1200 {
+            let pattern = [0b0000_0100, 0b0010_1011, 0b0010_1111][(tow as usize % 6 - 1) / 2];
+            assert_eq!(page.ssp, pattern);
+        }
+    }
+}
+
+/// Bounds of OS SIS ICD 2.1 table 85, and 107, 3.12 m, which all satellites send.
+#[test]
+fn accuracies_of_indices_are_those_of_the_interface_specification() {
+    let table = [(0, 0.0), (49, 0.49), (50, 0.5), (74, 0.98), (75, 1.0), (99, 1.96), (100, 2.0)];
+    for (index, metres) in table.into_iter().chain([(107, 3.12), (125, 6.0)]) {
+        assert!((sisa_m(index).unwrap() - metres).abs() < 1e-12, "{index}");
+    }
+    assert!([126, 254, 255].into_iter().all(|index| sisa_m(index).is_none()));
+}
+
+/// A collector that was given all pages of a file, and what it said of them.
+fn collected(name: &str) -> Option<(NavigationCollector, Vec<Update>)> {
+    let (mut collector, mut updates) = (NavigationCollector::default(), Vec::new());
+    let pages = recorded(name);
+    for Recorded { sv, bits, .. } in &pages {
+        let content = Content::Inav(Box::new(InavPage::decode(bits).unwrap()));
+        updates.extend(collector.add(*sv, &content));
+    }
+    (!pages.is_empty()).then_some((collector, updates))
+}
+
+fn galileo(number: u8) -> Sv {
+    Sv::new(Constellation::Galileo, number).unwrap()
+}
+
+#[test]
+fn real_pages_give_ephemerides_time_and_models() {
+    let Some((collector, updates)) = collected(FILES[0]) else { return };
+    let data = collector.data();
+    let satellites: Vec<u8> = data.satellites().map(Sv::number).collect();
+    // E20 sends dummy words.
+    assert_eq!(satellites, [1, 5, 13, 24, 31, 33]);
+    let ephemerides = updates.iter().filter(|u| matches!(u, Update::Ephemeris(_))).count();
+    assert_eq!((ephemerides, data.iter().count()), (6, 6));
+    // Week 1174 of GST is week 2198 of GPS time.
+    let now = GpsTime::from_calendar(2022, 2, 20, 8, 0, 30.0);
+    assert_eq!(now.week(), 1174 + 1024);
+    let e05 = data.ephemeris(galileo(5), now).unwrap();
+    assert_eq!((e05.toe, e05.iodc, e05.health), (now - 30.0 - 1200.0, 46, 0));
+    assert_eq!(e05.toe.tow(), 27_600.0);
+    assert_close(&[e05.tgd, e05.af0], &[4.190951585769653e-9, -0.0002073374344035983]);
+    assert!(data.orbit(galileo(5), now).is_ok());
+    let status = data.galileo.status[&galileo(5)];
+    assert_close(&[status.sisa_m.unwrap(), status.bgd_e1_e5a], &[3.12, 3.725290298461914e-9]);
+    assert_eq!(data.galileo.nequick.unwrap().ai, [81.25, -0.24609375, 0.003753662109375]);
+    // Some nanoseconds, at 0 h of Sunday of that week (22 modulo 64).
+    let offset = data.galileo.gps_offset.unwrap();
+    assert_eq!(offset.t0, GpsTime::from_week_tow(2198, 0.0));
+    assert_close(&[offset.at(offset.t0)], &[6.05359673500061e-9]);
+    // The leap second at the end of 2016, and the same of GPS.
+    let utc = data.galileo.utc.unwrap();
+    let UtcParameters { delta_t_ls, delta_t_lsf, wn_lsf, day, tot, .. } = utc;
+    assert_eq!((delta_t_ls, delta_t_lsf, wn_lsf % 256, day), (18, 18, 1929 % 256, 7));
+    assert_eq!(tot, GpsTime::from_week_tow(2198, 0.0));
+    assert_eq!((data.utc, data.ionosphere), (None, None), "those of GPS are not touched");
+}
+
+/// The semi-major axis of a reduced ephemeris has steps of 256 m, its angles of 22 m each, eccentricity and inclination
+/// of less: together the position is off by up to 170 m. Its clock makes good the radius, so that ranges are good to
+/// metres: radius less clock, as seen from the ground.
+#[test]
+fn reduced_ephemerides_give_ranges_as_the_ephemerides_do() {
+    let Some((collector, _)) = collected(FILES[1]) else { return };
+    let mut compared = 0;
+    for Recorded { week, tow, sv, bits } in recorded(FILES[1]) {
+        let Some(InavWord::Reduced(word)) = InavPage::decode(&bits).unwrap().word else { continue };
+        let sent = GpsTime::from_week_tow(i32::from(week) + 1024, tow.into());
+        let (ours, full) = (word.ephemeris(sv, sent), collector.data().nearest(sv, sent).unwrap());
+        for after in [0.0, 60.0, 300.0] {
+            let (ours, full) = (ours.state(sent + after), full.state(sent + after));
+            let error_m = (ours.position_m - full.position_m).norm();
+            let clock_m = SPEED_OF_LIGHT * (ours.clock_bias_s - full.clock_bias_s);
+            let range_m = ours.position_m.norm() - full.position_m.norm() - clock_m;
+            assert!(error_m < 170.0 && range_m.abs() < 5.0, "{sv} {after}: {error_m} {range_m}");
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 36, "12 words");
+}
+
+/// Three satellites sent almanacs of different issues and reference times, 10 minutes apart, which must put a satellite
+/// in one place: M_0 and omega have steps of 2.8 km, and each almanac is good to some kilometres.
+#[test]
+fn almanacs_of_different_issues_agree() {
+    let pages = recorded(FILES[1]);
+    let mut almanacs = BTreeMap::<Sv, Vec<GalileoAlmanac>>::new();
+    for sender in [2, 3, 13].map(galileo) {
+        let mut collector = NavigationCollector::default();
+        // Twice over: before the first word 0 or 5 the week is not known.
+        let of_sender = pages.iter().filter(|page| page.sv == sender);
+        for Recorded { bits, .. } in of_sender.clone().chain(of_sender) {
+            let page = InavPage::decode(bits).unwrap();
+            collector.add(sender, &Content::Inav(Box::new(page)));
+        }
+        for (&sv, almanac) in collector.galileo_almanacs() {
+            almanacs.entry(sv).or_default().push(almanac.clone());
+        }
+    }
+    let t = GpsTime::from_week_tow(1258 + 1024, 571_530.0);
+    for (sv, list) in &almanacs {
+        assert_eq!(list.iter().map(|a| a.iod_a).collect::<Vec<_>>(), [4, 7, 6], "{sv}");
+        let at = |k: usize| almanac_state(&list[k], t);
+        assert!((at(0) - at(1)).norm() < 5e3 && (at(0) - at(2)).norm() < 5e3, "{sv}");
+        assert!(list.iter().all(|a| a.health == GalileoHealth::default()));
+    }
+    let satellites = almanacs.keys().map(|sv| sv.number()).collect::<Vec<_>>();
+    assert_eq!(satellites, if pages.is_empty() { vec![] } else { vec![10, 11, 12] });
+}
+
+fn almanac_state(almanac: &GalileoAlmanac, t: GpsTime) -> nalgebra::Vector3<f64> {
+    let &GalileoAlmanac { sv, t0a, sqrt_a, e, i0, omega, omega0, omega_dot, m0, .. } = almanac;
+    let orbit = Word16::default().ephemeris(sv, t0a);
+    Ephemeris { toe: t0a, sqrt_a, e, i0, omega, omega0, omega_dot, m0, ..orbit }.state(t).position_m
+}
+
+/// Symbols of the real page and of pages made of all ephemeris words, ten times over.
+fn symbols() -> Vec<f32> {
+    (0..PAGES).flat_map(|k| page_symbols(&page(k).encode().unwrap())).map(f32::from).collect()
+}
+
+const PAGES: usize = 40;
+
+/// The page of index `k` of [`symbols`].
+fn page(k: usize) -> InavPage {
+    let real = InavPage::decode(&bits_of(E05_BITS)).unwrap();
+    match k % 4 {
+        0 => real,
+        1 => InavPage::new(InavWord::SpareTime(Word0 {
+            time: 2,
+            week: 1174,
+            tow: 28_801 + 2 * k as u32,
+        })),
+        2 => InavPage { word: None, ..real },
+        _ => InavPage::new(InavWord::Other(OtherWord {
+            kind: 63,
+            data: [k as u8; 16].map(|b| b & 0xC0),
+        })),
+    }
+}
+
+/// Pages of symbols that are numbered from `start`.
+fn decode(symbols: &[f32], start: u64) -> Vec<Page> {
+    let mut decoder = InavDecoder::new();
+    symbols.iter().zip(start..).filter_map(|(&s, index)| decoder.push(s, index)).collect()
+}
+
+/// Asserts that the pages are those `expected` of `symbols()`, the first symbol of page n at 500 n plus `shift`.
+fn assert_pages(
+    pages: &[Page],
+    expected: impl Iterator<Item = usize>,
+    shift: impl Fn(usize) -> i64,
+) {
+    let expected: Vec<_> = expected
+        .map(|k| {
+            let content = page(k);
+            let tow_s = content.word.as_ref().and_then(InavWord::tow_s);
+            let start_index = ((PAGE_SYMBOLS * k) as i64 + shift(k)) as u64;
+            Page { start_index, tow_s, content: Content::Inav(Box::new(content)) }
+        })
+        .collect();
+    assert_eq!(pages, expected);
+}
+
+#[test]
+fn all_whole_pages_are_found_wherever_the_symbols_start_and_whatever_the_polarity() {
+    let all = symbols();
+    for cut in [0, 1, 9, 249, 250, 251, 499, 500, 501] {
+        for sign in [1.0, -1.0] {
+            let cut_off: Vec<f32> = all[cut..].iter().map(|s| s * sign).collect();
+            let pages = decode(&cut_off, 1_000_000 + cut as u64);
+            assert_pages(&pages, cut.div_ceil(500)..PAGES, |_| 1_000_000);
+        }
+    }
+    assert!((0..PAGES).any(|k| page(k).word.is_none()), "alert pages are among them");
+}
+
+/// C/N0 = 29 dB-Hz of the signal, half of which is E1-B: Es/N0 = 29 - 3 - 24 = 2 dB, Eb/N0 = 5 dB, where a decoded bit is
+/// wrong with probability below 5e-7 (union bound).
+#[test]
+fn pages_pass_noise() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let sigma = 10f64.powf(-5.0 / 20.0);
+    let noisy: Vec<f32> = symbols()
+        .iter()
+        .map(|&s| {
+            let (u, v): (f64, f64) = (1.0 - rng.random::<f64>(), rng.random());
+            let noise = (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos();
+            s + (sigma * noise) as f32
+        })
+        .collect();
+    assert_pages(&decode(&noisy, 0), 0..PAGES, |_| 0);
+}
+
+#[test]
+fn slips_cost_the_page_they_fall_into_and_jumps_start_the_search_again() {
+    let mut slipped = symbols();
+    // Half-cycle slips in page 4 and between the parts of page 6, a lost symbol in 9 and one too many in 20.
+    slipped[4 * 500 + 110..].iter_mut().for_each(|s| *s = -*s);
+    slipped[6 * 500 + 250..].iter_mut().for_each(|s| *s = -*s);
+    slipped.insert(20 * 500 + 77, 1.0);
+    slipped.remove(9 * 500 + 123);
+    let kept = (0..PAGES).filter(|n| ![4, 9, 20].contains(n));
+    assert_pages(&decode(&slipped, 0), kept, |n| if (10..20).contains(&n) { -1 } else { 0 });
+
+    let mut decoder = InavDecoder::new();
+    let indices = (0..2_600).chain(2_603..);
+    let pages: Vec<Page> =
+        symbols().iter().zip(indices).filter_map(|(&s, index)| decoder.push(s, index)).collect();
+    assert_pages(&pages, (0..PAGES).filter(|&n| n != 5), |n| if n > 5 { 3 } else { 0 });
+}
+
+#[test]
+fn noise_gives_nothing_and_parts_of_two_pages_make_none() {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let noise: Vec<f32> = (0..200_000).map(|_| rng.random_range(-1.0..1.0)).collect();
+    assert_eq!(decode(&noise, 0), []);
+    let all = symbols();
+    // An even part, then the odd part of the next page.
+    let mixed = [&all[..250], &all[750..1000]].concat();
+    assert_eq!(decode(&mixed, 0), []);
+}
+
+#[test]
+fn ephemerides_are_not_mixed_of_two_issues_and_follow_the_health() {
+    let sv = galileo(14);
+    let sample = crate::orbit::broadcast::sample_ephemeris();
+    let eph = |iodc, e| Ephemeris { sv, iodc, iode: iodc as u8, e, ..sample.clone() };
+    // E14 is on an eccentric orbit.
+    let (old, new) = (ephemeris_words(&eph(1023, 0.16), 107), ephemeris_words(&eph(0, 0.17), 107));
+    let status = |e1b_status| {
+        let health = GalileoHealth { e1b_status, ..Default::default() };
+        let tow = sample.toe.tow() as u32 + 301 + u32::from(e1b_status);
+        InavWord::IonosphereHealth(Word5 { health, week: 2190 - 1024, tow, ..Word5::default() })
+    };
+    let mut collector = NavigationCollector::default();
+    let mut add = |word: &InavWord| {
+        let sent = InavPage::new(word.clone()).encode().unwrap();
+        let page = InavPage::decode(&sent).unwrap();
+        collector.add(sv, &Content::Inav(Box::new(page)))
+    };
+    assert_eq!(old.iter().map(&mut add).collect::<Vec<_>>(), [None, None, None, None]);
+    assert_eq!(add(&status(0)), Some(Update::Ephemeris(sv)), "the last that is needed");
+    for word in &new[..3] {
+        assert_eq!(add(word), None);
+    }
+    assert_eq!(add(&new[3]), Some(Update::Ephemeris(sv)));
+    assert_eq!(add(&new[0]), None, "nothing new");
+    assert_eq!(add(&status(1)), Some(Update::Health));
+    // Words of another satellite, as after a lock on a cross-correlation.
+    let other = ephemeris_words(&Ephemeris { sv: galileo(18), ..eph(5, 0.1) }, 107);
+    assert_eq!(other.iter().filter_map(&mut add).collect::<Vec<_>>(), []);
+    let data = collector.data();
+    assert_eq!(
+        data.iter().map(|e| (e.iodc, e.health)).collect::<Vec<_>>(),
+        [(1023, 0), (0, 0), (0, 2)]
+    );
+    let now = sample.toe + 400.0;
+    assert_eq!(data.orbit(sv, now).err(), Some(crate::orbit::NoOrbit::Unhealthy(2)));
+}
+
+#[test]
+fn values_that_do_not_fit_are_refused() {
+    let word = InavWord::Ephemeris1(Word1 { toe: 604_800.0 * 2.0, ..Word1::default() });
+    let error = InavPage::new(word).encode().unwrap_err();
+    assert_eq!((error.name, error.max), ("t_0e", 60.0 * 16_383.0));
+}
+
+#[test]
+fn an_offset_of_ones_is_not_available() {
+    let ones = [true; WORD_BITS];
+    let mut bits = ones;
+    bits[..6].copy_from_slice(&[false, false, true, false, true, false]);
+    let InavWord::Almanac10(word) = InavWord::decode(&bits) else { panic!("word 10") };
+    assert_eq!(word.gps_offset.resolve(2198), None);
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_symbols_never_panic(symbols in prop::collection::vec(any::<f32>(), 0..1500), start: u64) {
+        let mut decoder = InavDecoder::new();
+        for (k, symbol) in symbols.iter().enumerate() {
+            decoder.push(*symbol, start.wrapping_add(k as u64));
+        }
+    }
+
+    #[test]
+    fn arbitrary_words_are_written_as_they_were_read(
+        kind in 0u8..64,
+        data in prop::collection::vec(any::<bool>(), WORD_BITS),
+    ) {
+        let mut bits: WordBits = data.try_into().unwrap();
+        bits[..6].iter_mut().enumerate().for_each(|(k, bit)| *bit = kind >> (5 - k) & 1 == 1);
+        let word = InavWord::decode(&bits);
+        prop_assert_eq!(word.kind(), kind);
+        let page = InavPage::new(word);
+        prop_assert_eq!(InavPage::decode(&page.encode().unwrap()), Some(page.clone()));
+        // Whatever it says, the collector takes it.
+        let mut collector = NavigationCollector::default();
+        for _ in 0..2 {
+            collector.add(galileo(1), &Content::Inav(Box::new(page.clone())));
+        }
+    }
+}
