@@ -2,6 +2,7 @@
 
 use super::almanac::{AlmanacWords, GalileoAlmanac};
 use super::ephemeris::EphemerisWords;
+use super::fec2::IssueWords;
 use super::gps_week;
 use super::words::{InavWord, Word5, Word6, sisa_m};
 use crate::galileo_data::NequickCoefficients;
@@ -20,6 +21,7 @@ const ALMANAC_SPAN_S: f64 = 60.0;
 #[derive(Clone, Debug, Default)]
 struct Satellite {
     ephemeris: EphemerisWords,
+    issue: Option<IssueWords>,
     almanac: AlmanacWords,
     /// Time of week that it stated last, s, and when the newest of its almanac words came.
     tow: Option<f64>,
@@ -61,18 +63,12 @@ impl InavCollector {
         if let Some(week) = word.week() {
             self.week = Some(gps_week(week, self.reference_week));
         }
-        let words = &mut satellite.ephemeris;
+        let regained =
+            satellite.tow.and_then(|tow| IssueWords::add(&mut satellite.issue, word, tow));
         match word.clone() {
-            InavWord::Ephemeris1(word) => words.first = Some(word),
-            InavWord::Ephemeris2(word) => words.second = Some(word),
-            InavWord::Ephemeris3(word) => {
-                data.galileo.status.entry(sv).or_default().sisa_m = sisa_m(word.sisa);
-                words.third = Some(word);
-            }
-            InavWord::Ephemeris4(word) => words.fourth = Some(word),
             InavWord::IonosphereHealth(word) => {
                 let health_changed = keep_status(sv, &word, data);
-                words.fifth = Some(word);
+                satellite.ephemeris.fifth = Some(word);
                 let new = self.complete(sv, data);
                 return new.or(health_changed.then_some(Update::Health));
             }
@@ -85,7 +81,16 @@ impl InavCollector {
             | InavWord::Almanac9(_)
             | InavWord::Almanac10(_) => return self.add_almanac(sv, word, data),
             InavWord::SpareTime(_) => return self.resolve_utc(data),
-            InavWord::Reduced(_) | InavWord::Parity(_) | InavWord::Other(_) => return None,
+            InavWord::Reduced(_) | InavWord::Other(_) => return None,
+            InavWord::Ephemeris1(_)
+            | InavWord::Ephemeris2(_)
+            | InavWord::Ephemeris3(_)
+            | InavWord::Ephemeris4(_)
+            | InavWord::Parity(_) => {
+                for word in regained.iter().flatten().chain([word]) {
+                    keep_quarter(sv, word, &mut satellite.ephemeris, data);
+                }
+            }
         }
         self.complete(sv, data)
     }
@@ -143,6 +148,20 @@ impl InavCollector {
         let of = almanac.sv;
         self.almanacs.insert(of, almanac);
         Some(Update::Almanac(of))
+    }
+}
+
+/// Keeps one of the words 1 to 4.
+fn keep_quarter(sv: Sv, word: &InavWord, words: &mut EphemerisWords, data: &mut NavigationData) {
+    match word.clone() {
+        InavWord::Ephemeris1(word) => words.first = Some(word),
+        InavWord::Ephemeris2(word) => words.second = Some(word),
+        InavWord::Ephemeris3(word) => {
+            data.galileo.status.entry(sv).or_default().sisa_m = sisa_m(word.sisa);
+            words.third = Some(word);
+        }
+        InavWord::Ephemeris4(word) => words.fourth = Some(word),
+        _ => (),
     }
 }
 

@@ -6,13 +6,15 @@
 //! week 0 is GPS week 1024, and which is kept within nanoseconds of GPS time. Fields are described once for encoder and
 //! decoder.
 //!
-//! An ephemeris is words 1 to 4 of one issue of data (IODnav). Word 5 has health, group delays and time, and follows
+//! An ephemeris is words 1 to 4 of one issue of data (IODnav), or, since 2023, any four of them and of the words 17 to
+//! 20, which hold parity of theirs. Word 5 has health, group delays and time, and follows
 //! word 3 within 2 s.
 
 mod almanac;
 mod collector;
 mod decoder;
 mod ephemeris;
+mod fec2;
 mod page;
 #[cfg(test)]
 mod tests;

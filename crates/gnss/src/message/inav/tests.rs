@@ -307,6 +307,40 @@ fn almanacs_of_different_issues_agree() {
     assert_eq!(satellites, if pages.is_empty() { vec![] } else { vec![10, 11, 12] });
 }
 
+/// Each choice of four words of eight, and a time, give the ephemeris that the words 1 to 4 give, and so does no choice
+/// of three.
+#[test]
+fn any_four_words_of_ephemeris_and_parity_give_the_ephemeris() {
+    let pages = recorded(FILES[1]);
+    for sv in [2, 3, 13].map(galileo) {
+        let word = |kind: u8| {
+            let mut words = pages
+                .iter()
+                .filter(|page| page.sv == sv)
+                .map(|page| InavPage::decode(&page.bits).unwrap().word.unwrap());
+            words.find(|word| word.kind() == kind)
+        };
+        let kinds = [1, 2, 3, 4, 17, 18, 19, 20];
+        let Some(words) = kinds.map(word).into_iter().collect::<Option<Vec<_>>>() else { return };
+        let ephemeris = |choice: u32| {
+            let chosen = words.iter().enumerate().filter(|(k, _)| choice >> k & 1 == 1);
+            let mut collector = NavigationCollector::default();
+            for word in [word(5)].iter().flatten().chain(chosen.map(|(_, word)| word)) {
+                let page = InavPage::new(word.clone());
+                collector.add(sv, &Content::Inav(Box::new(page)));
+            }
+            collector.data().iter().next().cloned()
+        };
+        let expected = ephemeris(0b1111).unwrap();
+        for choice in 0u32..256 {
+            match choice.count_ones() {
+                0..4 => assert_eq!(ephemeris(choice), None),
+                _ => assert_eq!(ephemeris(choice).as_ref(), Some(&expected), "{sv} {choice:08b}"),
+            }
+        }
+    }
+}
+
 fn almanac_state(almanac: &GalileoAlmanac, t: GpsTime) -> nalgebra::Vector3<f64> {
     let &GalileoAlmanac { sv, t0a, sqrt_a, e, i0, omega, omega0, omega_dot, m0, .. } = almanac;
     let orbit = Word16::default().ephemeris(sv, t0a);
