@@ -15,11 +15,16 @@ pub enum Constellation {
     Sbas,
     /// Galileo, E01 to E36 (OS SIS ICD 2.1 table 11: SVID 1 to 36).
     Galileo,
+    /// BeiDou, C01 to C63 (BDS-SIS-ICD-B1I-3.0 table 4-1).
+    BeiDou,
+    /// GLONASS, R01 to R24: orbital slots.
+    Glonass,
 }
 
 impl Constellation {
     /// All systems, in the order in which their satellites are listed.
-    pub const ALL: [Self; 4] = [Self::Gps, Self::Qzss, Self::Sbas, Self::Galileo];
+    pub const ALL: [Self; 6] =
+        [Self::Gps, Self::Qzss, Self::Sbas, Self::Galileo, Self::BeiDou, Self::Glonass];
 
     /// Those that send C/A codes, whose PRN numbers are of one series; what a receiver can search today.
     const OF_CA_CODES: [Self; 3] = [Self::Gps, Self::Qzss, Self::Sbas];
@@ -32,6 +37,8 @@ impl Constellation {
             Self::Qzss => ('J', 1..=10, 192),
             Self::Sbas => ('S', 20..=58, 100),
             Self::Galileo => ('E', 1..=36, 0),
+            Self::BeiDou => ('C', 1..=63, 0),
+            Self::Glonass => ('R', 1..=24, 0),
         }
     }
 
@@ -178,7 +185,10 @@ mod tests {
             let sv: Sv = text.parse().unwrap();
             assert_eq!((sv.prn(), sv.to_string().as_str()), (prn, name));
         }
-        for text in ["", "G33", "G00", "J00", "J11", "S01", "E00", "E37", "G", "G1x", "-1", "300"] {
+        for text in [
+            "", "G33", "G00", "J00", "J11", "S01", "E00", "E37", "C64", "R25", "G", "G1x", "-1",
+            "300",
+        ] {
             assert!(text.parse::<Sv>().is_err(), "{text}");
         }
         assert_eq!(parse_sv_list("G01-G32,J193-J199").unwrap().len(), 39);

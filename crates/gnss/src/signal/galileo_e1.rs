@@ -39,7 +39,7 @@ pub static GALILEO_E1B: Signal = Signal {
     code: |number| memory_code(E1B_CODES, number),
     modulation: Modulation::Cboc { pilot: false },
     overlay: Overlay::None,
-    symbols: |_| Some(Symbols { periods: 1, decoder: || Box::new(InavDecoder::new()) }),
+    symbols: |_| Some(Symbols { periods: 1, decoder: Some(|| Box::new(InavDecoder::new())) }),
     partner: Some(&GALILEO_E1C),
     power_fraction: 0.5,
     phase_cycles: 0.0,

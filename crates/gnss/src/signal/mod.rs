@@ -4,19 +4,28 @@
 //! its signals. All properties of a signal are here: no other module contains a chip rate, a code
 //! length, a carrier or the length of a symbol.
 
+mod beidou_b1c;
+mod beidou_b1i;
 mod ca_code;
 #[cfg(test)]
 mod code_vectors;
 mod galileo_e1;
+mod glonass_l1of;
 mod gps_l1_ca;
+mod gps_l1c;
 mod modulation;
 mod overlay;
 mod packed_code;
 mod qzss_l1_ca;
 mod sbas_l1;
+mod weil_code;
 
+pub use beidou_b1c::{BEIDOU_B1C_DATA, BEIDOU_B1C_PILOT};
+pub use beidou_b1i::BEIDOU_B1I;
 pub use galileo_e1::{GALILEO_E1B, GALILEO_E1C};
+pub use glonass_l1of::GLONASS_L1OF;
 pub use gps_l1_ca::GPS_L1_CA;
+pub use gps_l1c::{GPS_L1C_D, GPS_L1C_P};
 pub use modulation::Modulation;
 pub use overlay::Overlay;
 pub use qzss_l1_ca::QZSS_L1_CA;
@@ -34,7 +43,19 @@ pub const L1_CENTRE_HZ: f64 = 1_575.42e6;
 pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_CENTRE_HZ;
 
 /// All signals that are known; the first of a constellation is the default of its satellites.
-pub static ALL: [&Signal; 5] = [&GPS_L1_CA, &QZSS_L1_CA, &SBAS_L1, &GALILEO_E1B, &GALILEO_E1C];
+pub static ALL: [&Signal; 11] = [
+    &GPS_L1_CA,
+    &QZSS_L1_CA,
+    &SBAS_L1,
+    &GALILEO_E1B,
+    &GALILEO_E1C,
+    &BEIDOU_B1I,
+    &BEIDOU_B1C_DATA,
+    &BEIDOU_B1C_PILOT,
+    &GLONASS_L1OF,
+    &GPS_L1C_D,
+    &GPS_L1C_P,
+];
 
 /// A signal, the same of all satellites that send it but for the code. Signals are distinguished by their names.
 #[derive(Debug)]
@@ -89,8 +110,8 @@ pub enum Carrier {
 pub struct Symbols {
     /// Code periods in a symbol.
     pub periods: usize,
-    /// A new decoder of the message.
-    pub decoder: fn() -> Box<dyn MessageDecoder>,
+    /// A new decoder of the message, if it is one that is known here.
+    pub decoder: Option<fn() -> Box<dyn MessageDecoder>>,
 }
 
 impl Signal {
@@ -212,9 +233,10 @@ impl Transmission {
         self.signal.partner.map(|signal| Self { sv: self.sv, signal })
     }
 
-    /// A new decoder of its message; none of a pilot.
+    /// A new decoder of its message; none of a pilot, nor of a message that is not known here.
     pub fn decoder(&self) -> Option<Box<dyn MessageDecoder>> {
-        (self.signal.symbols)(self.sv.number()).map(|symbols| (symbols.decoder)())
+        let decoder = (self.signal.symbols)(self.sv.number())?.decoder?;
+        Some(decoder())
     }
 
     /// Code periods and symbols as a receiver sums them.

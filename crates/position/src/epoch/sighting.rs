@@ -60,6 +60,8 @@ pub(crate) fn clock_of(sv: Sv) -> usize {
         // QZSS and SBAS keep GPS time.
         Constellation::Gps | Constellation::Qzss | Constellation::Sbas => 0,
         Constellation::Galileo => 1,
+        Constellation::BeiDou => 2,
+        Constellation::Glonass => 3,
     }
 }
 
