@@ -1,7 +1,7 @@
 //! What Galileo sends beside ephemerides: health, group delays and accuracy of its satellites, and the models of its
 //! system.
 
-use crate::navigation_data::UtcParameters;
+use crate::utc::UtcParameters;
 use crate::{GpsTime, Sv};
 use std::collections::BTreeMap;
 

@@ -17,6 +17,7 @@ pub mod random;
 pub mod satellite;
 pub mod signal;
 pub mod time;
+mod utc;
 
 pub use format::ReadError;
 pub use navigation_data::NavigationData;

@@ -1,10 +1,11 @@
 //! From the words of all Galileo satellites to navigation data.
 
 use super::almanac::{AlmanacWords, GalileoAlmanac};
+use super::contents::{Word5, Word6, sisa_m};
 use super::ephemeris::EphemerisWords;
 use super::fec2::IssueWords;
 use super::gps_week;
-use super::words::{InavWord, Word5, Word6, sisa_m};
+use super::words::InavWord;
 use crate::galileo_data::NequickCoefficients;
 use crate::message::Update;
 use crate::message::lnav::resolve_week;

@@ -1,8 +1,9 @@
 //! Ephemerides from words of one issue of data.
 
 use super::almanac::{NOMINAL_A_M, NOMINAL_I_DEG};
+use super::contents::{Word1, Word2, Word3, Word4, Word5, Word16, sisa_m};
 use super::gps_week;
-use super::words::{InavWord, Word1, Word2, Word3, Word4, Word5, Word16, sisa_m};
+use super::words::InavWord;
 use crate::orbit::broadcast::{NO_ACCURACY, ura_index};
 use crate::{Ephemeris, GpsTime, Sv};
 

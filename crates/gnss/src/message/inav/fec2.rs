@@ -9,7 +9,8 @@
 //! Cost: up to 60 linear equations in the field, some 10^5 products, once an ephemeris at most.
 
 use super::WordBits;
-use super::words::{InavWord, ParityWord};
+use super::contents::ParityWord;
+use super::words::InavWord;
 use crate::time::SECONDS_PER_WEEK;
 
 const PARITY: usize = 60;

@@ -12,6 +12,7 @@
 
 mod almanac;
 mod collector;
+mod contents;
 mod decoder;
 mod ephemeris;
 mod fec2;
@@ -22,15 +23,18 @@ mod words;
 
 pub use almanac::*;
 pub(super) use collector::InavCollector;
+pub use contents::*;
 pub use decoder::InavDecoder;
 pub use ephemeris::ephemeris_words;
-pub use page::{InavPage, InavPageBits, WordBits, page_symbols};
-pub use words::*;
+pub use page::{InavPage, InavPageBits, page_symbols};
+pub use words::InavWord;
 
 use super::lnav::resolve_week;
 
 /// Data bits of a nominal page.
 pub const WORD_BITS: usize = 128;
+/// The bits of a word.
+pub type WordBits = [bool; WORD_BITS];
 /// Symbols of a page; it lasts two seconds.
 pub const PAGE_SYMBOLS: usize = 500;
 /// The GPS week that is week 0 of GST.

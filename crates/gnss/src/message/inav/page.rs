@@ -21,8 +21,6 @@ const CHECKED_ODD: usize = 82;
 
 /// The bits of a page, even part before odd part, each with its tail of six zeros.
 pub type InavPageBits = [bool; 2 * PART_BITS];
-/// The bits of a word.
-pub type WordBits = [bool; WORD_BITS];
 
 /// A page of E1-B.
 #[derive(Clone, Debug, PartialEq)]
