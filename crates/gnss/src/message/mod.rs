@@ -10,7 +10,6 @@ pub mod sbas;
 mod update;
 
 pub use collector::NavigationCollector;
-pub use fields::OutOfRange;
 pub use update::Update;
 
 /// Finds the pages of a navigation message in the symbols of one signal of one satellite.

@@ -1,6 +1,7 @@
 //! Secondary codes.
 
-/// Secondary code: one chip, +1 or -1, a period of the primary code.
+/// Secondary code: one chip, +1 or -1, a period of the primary code. Its first chip is sent where the time of week of
+/// its system is a multiple of its length: each length divides a week.
 #[derive(Clone, Copy, Debug)]
 pub enum Overlay {
     /// None.

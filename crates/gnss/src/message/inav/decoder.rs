@@ -5,7 +5,7 @@
 //! after the last that was found, both parts are decoded, and the page is given if its parity holds.
 //!
 //! **Missed pages.** At a C/N0 of 28 dB-Hz, the threshold of the message, a symbol is wrong with probability 6 %
-//! (Es/N0 = 1 dB) and more than 3 of 20 with probability 3 %; after the first page the pattern is not needed.
+//! (Es/N0 = 1 dB) and more than 3 of 20 with probability 2 %; after the first page the pattern is not needed.
 //!
 //! **False pages.** Random symbols fit with probability 0.5 % (two polarities a part), the parity, the flags of the
 //! parts and their equal types with 2^-27: at 250 places a second one page in 3 years of a channel that tracks noise.

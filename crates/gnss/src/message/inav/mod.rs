@@ -29,6 +29,8 @@ pub use ephemeris::ephemeris_words;
 pub use page::{InavPage, InavPageBits, page_symbols};
 pub use words::InavWord;
 
+pub use super::fields::OutOfRange;
+
 use super::lnav::resolve_week;
 
 /// Data bits of a nominal page.

@@ -14,8 +14,10 @@ mod tests;
 pub use decoder::SbasDecoder;
 pub use messages::*;
 
+pub use super::fields::OutOfRange;
+
 use super::convolutional::{Encoder, SecondOutput};
-use super::{OutOfRange, crc24q};
+use super::crc24q;
 
 /// Bits of a message with preamble and parity.
 pub const MESSAGE_BITS: usize = 250;
