@@ -235,6 +235,7 @@ pub fn sample_ephemeris() -> Ephemeris {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT;
 
     #[test]
     fn velocity_and_clock_drift_are_the_derivatives_of_position_and_clock() {
@@ -253,6 +254,31 @@ mod tests {
             assert!((drift - at.clock_drift_sps).abs() < 1e-16);
             // GPS orbits: 26 560 km and about 3.9 km/s inertial.
             assert!((at.position_m.norm() / 26.56e6 - 1.0).abs() < 0.03);
+        }
+    }
+
+    /// E14 and E18 are on orbits of e = 0.16. Without corrections the speed in inertial space obeys the vis-viva
+    /// equation, and the relativistic correction is -2 r v / c^2, each with the constants of its system (GPS and
+    /// Galileo differ by 1.5e-7).
+    #[test]
+    fn orbits_and_relativity_follow_the_constants_of_their_system() {
+        let none = [0.0; 6];
+        for (name, mu) in [("E14", 3.986_004_418e14), ("G14", 3.986_005e14)] {
+            let [cuc, cus, crc, crs, cic, cis] = none;
+            let [delta_n, omega_dot, idot, af0, af1, tgd] = none;
+            let orbit = Ephemeris { cuc, cus, crc, crs, cic, cis, ..sample_ephemeris() };
+            let orbit = Ephemeris { delta_n, omega_dot, idot, af0, af1, tgd, ..orbit };
+            let sv = name.parse().unwrap();
+            let eph = Ephemeris { sv, e: 0.16, sqrt_a: 5291.0, ..orbit };
+            for k in 0..12 {
+                let state = eph.state(eph.toe + 3600.0 * f64::from(k));
+                let (r, rotation) = (state.position_m, Vector3::z() * OMEGA_EARTH);
+                let v = state.velocity_mps + rotation.cross(&r);
+                let speed_squared = mu * (2.0 / r.norm() - 1.0 / eph.sqrt_a.powi(2));
+                assert!((v.norm_squared() / speed_squared - 1.0).abs() < 1e-11, "{name}");
+                let relativity = -2.0 * r.dot(&v) / SPEED_OF_LIGHT.powi(2);
+                assert!((state.clock_bias_s - relativity).abs() < 1e-16, "{name}");
+            }
         }
     }
 }

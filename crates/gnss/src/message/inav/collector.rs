@@ -64,8 +64,7 @@ impl InavCollector {
         if let Some(week) = word.week() {
             self.week = Some(gps_week(week, self.reference_week));
         }
-        let regained =
-            satellite.tow.and_then(|tow| IssueWords::add(&mut satellite.issue, word, tow));
+        let regained = IssueWords::add(&mut satellite.issue, word, satellite.tow);
         match word.clone() {
             InavWord::IonosphereHealth(word) => {
                 let health_changed = keep_status(sv, &word, data);

@@ -31,23 +31,23 @@ pub(super) struct IssueWords {
     /// Lowest two bits of IODnav, and all ten where one of the words 1 to 4 has come.
     low: u8,
     iod_nav: Option<u16>,
-    /// Time of week, s, that the satellite had stated last when the first word came.
-    since: f64,
+    /// Time of week, s, that the satellite had stated last when the first word came, or stated next.
+    since: Option<f64>,
 }
 
 impl IssueWords {
-    fn new(low: u8, since: f64) -> Self {
+    fn new(low: u8, since: Option<f64>) -> Self {
         let mut octets = [0; OCTETS];
         octets[PARITY] = 1 << 2 | low;
         Self { octets, received: [false; 8], low, iod_nav: None, since }
     }
 
-    /// Takes a word that came about `tow`, s of the week, into `issue`, which begins anew with the first word of
+    /// Takes a word that came about `tow`, s of the week, where that is known, into `issue`, which begins anew with the first word of
     /// another issue. Gives the words 1 to 4 where this word completes them with the help of parity.
     pub(super) fn add(
         issue: &mut Option<Self>,
         word: &InavWord,
-        tow: f64,
+        tow: Option<f64>,
     ) -> Option<[InavWord; 4]> {
         let (at, iod_nav) = match word {
             InavWord::Ephemeris1(w) => (4, Ok(w.iod_nav)),
@@ -61,12 +61,14 @@ impl IssueWords {
         };
         let low = iod_nav.map_or_else(|low| low, |all| (all & 3) as u8);
         let belongs = |issue: &Self| {
-            let age = (tow - issue.since).rem_euclid(SECONDS_PER_WEEK as f64);
+            let age = |(tow, since): (f64, f64)| (tow - since).rem_euclid(SECONDS_PER_WEEK as f64);
+            let is_old = tow.zip(issue.since).map(age).is_some_and(|age| age > ISSUE_SPAN_S);
             let is_other = iod_nav.is_ok_and(|all| issue.iod_nav.is_some_and(|other| other != all));
-            issue.low == low && !is_other && age <= ISSUE_SPAN_S
+            issue.low == low && !is_other && !is_old
         };
         let mut words = issue.take().filter(belongs).unwrap_or_else(|| Self::new(low, tow));
         words.iod_nav = iod_nav.ok().or(words.iod_nav);
+        words.since = words.since.or(tow);
         let is_new = !words.received[at];
         words.received[at] = true;
         words.octets[PLACES[at].clone()].copy_from_slice(&octets_of(word)?);

@@ -326,7 +326,10 @@ fn any_four_words_of_ephemeris_and_parity_give_the_ephemeris() {
         let ephemeris = |choice: u32| {
             let chosen = words.iter().enumerate().filter(|(k, _)| choice >> k & 1 == 1);
             let mut collector = NavigationCollector::default();
-            for word in [word(5)].iter().flatten().chain(chosen.map(|(_, word)| word)) {
+            let mut sent: Vec<InavWord> = chosen.map(|(_, word)| word.clone()).collect();
+            // The time may come first or last.
+            sent.insert(if choice % 2 == 0 { 0 } else { sent.len() }, word(5).unwrap());
+            for word in &sent {
                 let page = InavPage::new(word.clone());
                 collector.add(sv, &Content::Inav(Box::new(page)));
             }
@@ -339,6 +342,30 @@ fn any_four_words_of_ephemeris_and_parity_give_the_ephemeris() {
                 _ => assert_eq!(ephemeris(choice).as_ref(), Some(&expected), "{sv} {choice:08b}"),
             }
         }
+    }
+}
+
+/// Whichever page of the 30 s comes first. Without parity the worst start, at word 4, takes 32 s (words 2 and 4 come in
+/// seconds 1 to 5, words 1, 3 and 5 in seconds 21 to 27); with the words 17 to 20 in seconds 11 to 15 none takes longer
+/// than from one word 5 to the next, 30 s, as health is needed.
+#[test]
+fn an_ephemeris_takes_at_most_30_s_wherever_reception_starts() {
+    let pages = recorded(FILES[1]);
+    for sv in [2, 3, 13].map(galileo) {
+        let own: Vec<&Recorded> = pages.iter().filter(|page| page.sv == sv).collect();
+        let seconds = |start: usize| {
+            let mut collector = NavigationCollector::default();
+            let got = own[start..].iter().position(|page| {
+                let content = Content::Inav(Box::new(InavPage::decode(&page.bits).unwrap()));
+                collector.add(sv, &content) == Some(Update::Ephemeris(sv))
+            });
+            2 * (got.unwrap() + 1)
+        };
+        if own.is_empty() {
+            return;
+        }
+        let times: Vec<usize> = (0..15).map(seconds).collect();
+        assert!(times.iter().all(|&s| s <= 30), "{times:?}");
     }
 }
 
