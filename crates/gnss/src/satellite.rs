@@ -13,7 +13,7 @@ pub enum Constellation {
     Qzss,
     /// SBAS, S20 to S58: PRN 120 to 158.
     Sbas,
-    /// Galileo, E01 to E36 (OS SIS ICD 2.1 table 11: SVID 1 to 36).
+    /// Galileo, E01 to E36 (OS SIS ICD 2.1, 5.1.9.1: SVID 1 to 36).
     Galileo,
     /// BeiDou, C01 to C63 (BDS-SIS-ICD-B1I-3.0 table 4-1).
     BeiDou,

@@ -19,7 +19,7 @@ const BYTES: usize = CHIPS.div_ceil(8);
 static E1B_CODES: &[u8] = include_bytes!("galileo_e1b.bin");
 static E1C_CODES: &[u8] = include_bytes!("galileo_e1c.bin");
 
-/// Secondary code CS25_1 (table 19): its first chip begins at multiples of 100 ms of GST.
+/// Secondary code CS25_1 (3.4): its first chip begins at multiples of 100 ms of GST.
 const CS25: [i8; 25] =
     [1, 1, -1, -1, -1, 1, 1, 1, 1, 1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, -1, 1, 1, -1, 1];
 
@@ -67,7 +67,7 @@ mod tests {
     use super::super::code_vectors::{check_all, hexadecimal};
     use super::*;
 
-    /// First chips of OS SIS ICD annex C (E1-B PRN 1 and 50, E1-C PRN 1) and of table 19.
+    /// First chips of OS SIS ICD annex C (E1-B PRN 1 and 50, E1-C PRN 1) and of section 3.4.
     #[test]
     fn first_chips_and_secondary_code_are_those_of_the_interface_specification() {
         let first = |signal: &Signal, number| hexadecimal(&(signal.code)(number).unwrap()[..40]);

@@ -17,14 +17,14 @@ pub enum Modulation {
         /// Whether it is that of the pilot.
         pilot: bool,
     },
-    /// TMBOC(6, 1, 4/33) of the pilot of GPS L1C: BOC(6,1) in 4 chips of 33, else BOC(1,1) (IS-GPS-800G 3.3).
+    /// TMBOC(6, 1, 4/33) of the pilot of GPS L1C: BOC(6,1) in 4 chips of 33, else BOC(1,1) (IS-GPS-800G).
     Tmboc,
     /// QMBOC(6, 1, 4/33) of the pilot of BeiDou B1C: BOC(1,1) of 29/33 of the power, and in quadrature to it BOC(6,1),
     /// which is left out here (BDS-SIS-ICD-B1C-1.0 4.2).
     Qmboc,
 }
 
-/// Chips of each 33 that are BOC(6,1) in TMBOC (IS-GPS-800G 3.3).
+/// Chips of each 33 that are BOC(6,1) in TMBOC (IS-GPS-800G).
 const TMBOC_FAST_CHIPS: [usize; 4] = [0, 4, 6, 29];
 
 impl Modulation {
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(Modulation::Bpsk.side_peaks_chips().count(), 0);
     }
 
-    /// Signs within one chip, as figures 6 and 7 of the OS SIS ICD draw them: a + b, a - b, ... over the first half.
+    /// Signs within one chip, as OS SIS ICD 2.3.3 draws them: a + b, a - b, ... over the first half.
     #[test]
     fn cboc_begins_with_the_sum_in_the_data_and_the_difference_in_the_pilot() {
         let [sum, difference] = [

@@ -1,4 +1,4 @@
-//! Almanac of Galileo: three satellites in the words 7 to 10 (Galileo OS SIS ICD 2.1, 5.1.10 and tables 46 to 49).
+//! Almanac of Galileo: three satellites in the words 7 to 10 (Galileo OS SIS ICD 2.1, 5.1.10 and 4.3.5).
 
 use crate::galileo_data::{GalileoGpsOffset, GalileoHealth};
 use crate::message::fields::{Fields, Walk};

@@ -1,5 +1,5 @@
 //! Contents of the words of I/NAV but those of the almanac: ephemeris, clock, time, ionosphere and health (Galileo OS SIS
-//! ICD 2.1, tables 39 to 56). Values are in SI units and rad; angles are sent in semicircles.
+//! ICD 2.1, 4.3.5). Values are in SI units and rad; angles are sent in semicircles.
 
 use crate::galileo_data::GalileoHealth;
 use crate::message::fields::{Fields, Walk};
@@ -174,7 +174,7 @@ pub struct OtherWord {
     pub data: [u8; 16],
 }
 
-/// Accuracy of an index SISA, m, from 0 to 6; none where it is not stated (OS SIS ICD table 85: 255, and reserved ones).
+/// Accuracy of an index SISA, m, from 0 to 6; none where it is not stated (OS SIS ICD 5.1.12: 255, and reserved ones).
 pub fn sisa_m(index: u8) -> Option<f64> {
     let i = f64::from(index);
     match index {

@@ -1,5 +1,5 @@
 //! FEC2: words 1 to 4 from any four of the words 1 to 4 and 17 to 20 of one issue of data (Galileo OS SIS ICD 2.1,
-//! 5.1.13 and annex F).
+//! 5.1.13).
 //!
 //! A Reed-Solomon code over GF(2^8), RS(255, 195) shortened to (118, 58): octets u_0 to u_57 of the words 1 to 4 without
 //! what is known of them, and p_0 to p_59 in the words 17 to 20, 15 each. The polynomial sum p_j x^j + sum u_k x^(60 + k)

@@ -1,4 +1,4 @@
-//! Pages of I/NAV on E1-B: bits, parity and symbols (Galileo OS SIS ICD 2.1, 4.1.4, 4.3.2 and 5.1.1).
+//! Pages of I/NAV on E1-B: bits, parity and symbols (Galileo OS SIS ICD 2.1, 4.1.4, 4.3.2 and 5.1.9.4).
 
 use super::words::InavWord;
 use super::{PAGE_SYMBOLS, WORD_BITS};
@@ -10,7 +10,7 @@ use crate::message::fields::{OutOfRange, Walk};
 const PART_BITS: usize = 120;
 /// Symbols of a part: synchronisation and 240 coded ones; a second.
 pub(super) const PART_SYMBOLS: usize = 250;
-/// Synchronisation pattern, sent uncoded before each part (table 33).
+/// Synchronisation pattern, sent uncoded before each part (4.3.2.1).
 pub(super) const SYNC: [i8; 10] = [1, -1, 1, -1, -1, 1, 1, 1, 1, 1];
 /// Interleaver: written by columns of 8, sent by rows of 30.
 const COLUMNS: usize = 30;
@@ -25,7 +25,8 @@ pub type InavPageBits = [bool; 2 * PART_BITS];
 /// A page of E1-B.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InavPage {
-    /// The word; none of an alert page, whose contents are reserved.
+    /// The word; none of an alert page, whose contents are reserved. The parity of those goes over the parts that E1-B
+    /// and E5b send at one time: from E1-B alone it holds where they send the same, and such a page is lost elsewhere.
     pub word: Option<InavWord>,
     /// Field of the navigation message authentication OSNMA, 40 bits.
     pub osnma: [u8; 5],
@@ -33,7 +34,7 @@ pub struct InavPage {
     pub sar: u32,
     /// Two spare bits.
     pub spare: u8,
-    /// Secondary synchronisation pattern (OS SIS ICD 5.1.2): since 2023 it tells the time modulo 6 s.
+    /// Secondary synchronisation pattern (OS SIS ICD 5.1.9.5): since 2023 it tells the time modulo 6 s.
     pub ssp: u8,
 }
 

@@ -191,7 +191,7 @@ fn real_pages_are_encoded_to_their_bits_and_tell_their_time() {
         let word = page.word.unwrap();
         assert!(word.tow_s().is_none_or(|stated| stated == f64::from(tow)), "{sv} {tow}");
         assert!(word.week().is_none_or(|stated| stated == week));
-        // Since 2023 the secondary synchronisation pattern tells the second modulo 6 (OS SIS ICD 2.1 table 44).
+        // Since 2023 the secondary synchronisation pattern tells the second modulo 6 (OS SIS ICD 2.1, 5.1.9.5).
         if week > 1200 {
             let pattern = [0b0000_0100, 0b0010_1011, 0b0010_1111][(tow as usize % 6 - 1) / 2];
             assert_eq!(page.ssp, pattern);
@@ -199,7 +199,7 @@ fn real_pages_are_encoded_to_their_bits_and_tell_their_time() {
     }
 }
 
-/// Bounds of OS SIS ICD 2.1 table 85, and 107, 3.12 m, which all satellites send.
+/// Bounds of OS SIS ICD 2.1, 5.1.12, and 107, 3.12 m, which all satellites send.
 #[test]
 fn accuracies_of_indices_are_those_of_the_interface_specification() {
     let table = [(0, 0.0), (49, 0.49), (50, 0.5), (74, 0.98), (75, 1.0), (99, 1.96), (100, 2.0)];
@@ -345,7 +345,7 @@ fn any_four_words_of_ephemeris_and_parity_give_the_ephemeris() {
     }
 }
 
-/// By the order of the words (OS SIS ICD 2.1 figure 15: 2, 4, 6, 7, 8, 17, 19, 16, 0, 0, 1, 3, 5, 0, 16, and then 9, 10, 18
+/// By the order of the words (OS SIS ICD 2.1, 4.3.3: 2, 4, 6, 7, 8, 17, 19, 16, 0, 0, 1, 3, 5, 0, 16, and then 9, 10, 18
 /// and 20 for 7, 8, 17 and 19), words 1 to 5, or word 5 and any four of 1 to 4 and 17 to 20, are there after so many pages.
 #[test]
 fn parity_words_make_an_ephemeris_come_sooner_wherever_reception_starts() {
