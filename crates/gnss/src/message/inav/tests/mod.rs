@@ -328,7 +328,7 @@ fn any_four_words_of_ephemeris_and_parity_give_the_ephemeris() {
             let mut collector = NavigationCollector::default();
             let mut sent: Vec<InavWord> = chosen.map(|(_, word)| word.clone()).collect();
             // The time may come first or last.
-            sent.insert(if choice % 2 == 0 { 0 } else { sent.len() }, word(5).unwrap());
+            sent.insert(if choice.is_multiple_of(2) { 0 } else { sent.len() }, word(5).unwrap());
             for word in &sent {
                 let page = InavPage::new(word.clone());
                 collector.add(sv, &Content::Inav(Box::new(page)));
