@@ -1,39 +1,13 @@
 //! Navigation data: ephemerides, ionosphere and UTC.
 
 use crate::atmosphere::Klobuchar;
+use crate::galileo_data::GalileoData;
 use crate::orbit::NoOrbit;
 use crate::orbit::precise::PreciseOrbit;
 use crate::{Ephemeris, GpsTime, Orbit, Sv};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Parameters that relate GPS time to UTC (IS-GPS-200N 20.3.3.5.1.6).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UtcParameters {
-    /// Constant term, s.
-    pub a0: f64,
-    /// First-order term, s/s.
-    pub a1: f64,
-    /// Reference time.
-    pub tot: GpsTime,
-    /// Leap seconds now, s.
-    pub delta_t_ls: i32,
-    /// Leap seconds after the next (or last) change, s.
-    pub delta_t_lsf: i32,
-    /// Full week number of that change.
-    pub wn_lsf: i32,
-    /// Day of that week, 1 (Sunday) to 7.
-    pub day: u8,
-}
-
-impl UtcParameters {
-    /// Adds the leap second that they announce to the table by which times are written in UTC.
-    pub fn announce(&self) {
-        if self.delta_t_lsf == self.delta_t_ls + 1 {
-            let after = GpsTime::from_week_tow(self.wn_lsf, f64::from(self.day) * 86_400.0);
-            after.announce_leap_second(self.delta_t_lsf);
-        }
-    }
-}
+pub use crate::utc::UtcParameters;
 
 /// Navigation data for positions, from files or from the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,6 +22,8 @@ pub struct NavigationData {
     pub utc: Option<UtcParameters>,
     /// Satellites whose newest hand-over word raises the alert flag.
     pub alerts: BTreeSet<Sv>,
+    /// What Galileo sends beside its ephemerides.
+    pub galileo: GalileoData,
 }
 
 /// Ephemerides whose `t_oe` are nearer to each other than this, s, are of one time: an upload moves it by 16 s and
@@ -73,6 +49,7 @@ impl NavigationData {
         self.ionosphere = other.ionosphere.or(self.ionosphere);
         self.utc = other.utc.or(self.utc);
         self.alerts.extend(other.alerts);
+        self.galileo.merge(other.galileo);
         other.ephemerides.into_values().flatten().for_each(|e| self.insert(e));
         other.precise.into_iter().for_each(|(sv, orbit)| self.insert_precise(sv, orbit));
     }

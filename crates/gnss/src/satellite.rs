@@ -13,11 +13,21 @@ pub enum Constellation {
     Qzss,
     /// SBAS, S20 to S58: PRN 120 to 158.
     Sbas,
+    /// Galileo, E01 to E36 (OS SIS ICD 2.1, 5.1.9.1: SVID 1 to 36).
+    Galileo,
+    /// BeiDou, C01 to C63 (BDS-SIS-ICD-B1I-3.0 table 4-1).
+    BeiDou,
+    /// GLONASS, R01 to R24: orbital slots.
+    Glonass,
 }
 
 impl Constellation {
     /// All systems, in the order in which their satellites are listed.
-    pub const ALL: [Self; 3] = [Self::Gps, Self::Qzss, Self::Sbas];
+    pub const ALL: [Self; 6] =
+        [Self::Gps, Self::Qzss, Self::Sbas, Self::Galileo, Self::BeiDou, Self::Glonass];
+
+    /// Those that send C/A codes, whose PRN numbers are of one series; what a receiver can search today.
+    const OF_CA_CODES: [Self; 3] = [Self::Gps, Self::Qzss, Self::Sbas];
 
     /// Its letter in RINEX, the numbers of its satellites there, and what is added to them to give the PRN
     /// number (RINEX 3.04 section 3.5).
@@ -26,6 +36,9 @@ impl Constellation {
             Self::Gps => ('G', 1..=32, 0),
             Self::Qzss => ('J', 1..=10, 192),
             Self::Sbas => ('S', 20..=58, 100),
+            Self::Galileo => ('E', 1..=36, 0),
+            Self::BeiDou => ('C', 1..=63, 0),
+            Self::Glonass => ('R', 1..=24, 0),
         }
     }
 
@@ -63,7 +76,7 @@ impl Sv {
         let of = |constellation: Constellation| {
             Self::new(constellation, prn.checked_sub(constellation.naming().2)?)
         };
-        Constellation::ALL.into_iter().find_map(of)
+        Constellation::OF_CA_CODES.into_iter().find_map(of)
     }
 
     /// PRN number of its code, as its interface specification counts.
@@ -118,7 +131,8 @@ impl FromStr for Sv {
     }
 }
 
-/// A list such as `G01-G32,J193-J199` or `1-32,193`, in the order written, each satellite once.
+/// A list of satellites to be received, such as `G01-G32,J193-J199` or `1-32,193`, in the order written, each
+/// satellite once; of the systems whose signals the receiver can search, those of C/A codes.
 pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
     let mut list: Vec<Sv> = Vec::new();
     for item in text.split(',').map(str::trim) {
@@ -126,7 +140,8 @@ pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
             Some((a, b)) => (a.parse::<Sv>()?, b.parse::<Sv>()?),
             None => (item.parse::<Sv>()?, item.parse::<Sv>()?),
         };
-        if last < first || first.constellation != last.constellation {
+        let is_searched = Constellation::OF_CA_CODES.contains(&first.constellation);
+        if last < first || first.constellation != last.constellation || !is_searched {
             return Err(ParseSvError(item.to_owned()));
         }
         for number in first.number..=last.number {
@@ -164,15 +179,21 @@ mod tests {
             ("J02", 194, "J02"),
             ("S20", 120, "S20"),
             ("S158", 158, "S58"),
+            ("E05", 5, "E05"),
+            ("e36", 36, "E36"),
         ] {
             let sv: Sv = text.parse().unwrap();
             assert_eq!((sv.prn(), sv.to_string().as_str()), (prn, name));
         }
-        for text in ["", "G33", "G00", "J00", "J11", "S01", "E05", "G", "G1x", "-1", "300"] {
+        for text in [
+            "", "G33", "G00", "J00", "J11", "S01", "E00", "E37", "C64", "R25", "G", "G1x", "-1",
+            "300",
+        ] {
             assert!(text.parse::<Sv>().is_err(), "{text}");
         }
         assert_eq!(parse_sv_list("G01-G32,J193-J199").unwrap().len(), 39);
         assert_eq!(parse_sv_list("1-32,193").unwrap().len(), 33);
+        assert!(parse_sv_list("E01-E05").is_err(), "no stage receives them yet");
         assert!(parse_sv_list("G30-J01").is_err() && parse_sv_list("G05-G01").is_err());
     }
 }

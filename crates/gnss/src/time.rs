@@ -13,7 +13,7 @@ const GPS_EPOCH_DAYS: i64 = 3657;
 
 /// Days (since 1970-01-01) from whose midnight UTC each leap second counts, 1981 to 2017 (IERS Bulletin C).
 const LEAP_SECOND_DAYS: [i64; 18] = [
-    4199, 4564, 4929, 5660, 6574, 7305, 7670, 8217, 8582, 8947, 9496, 10045, 10592, 13149, 14245,
+    4199, 4564, 4929, 5660, 6574, 7305, 7670, 8217, 8582, 8947, 9496, 10043, 10592, 13149, 14245,
     15522, 16617, 17167,
 ];
 
@@ -252,6 +252,33 @@ mod tests {
         assert_eq!(GpsTime::from_utc(1980, 1, 6, 0, 0, 0.0).parts(), (0, 0.0));
     }
 
+    /// IERS: each since 1981 at the start of a January or July.
+    #[test]
+    fn leap_seconds_count_from_the_days_of_the_iers() {
+        let (january, july) = (1, 7);
+        let days = [
+            (1981, july),
+            (1982, july),
+            (1983, july),
+            (1985, july),
+            (1988, january),
+            (1990, january),
+            (1991, january),
+            (1992, july),
+            (1993, july),
+            (1994, july),
+            (1996, january),
+            (1997, july),
+            (1999, january),
+            (2006, january),
+            (2009, january),
+            (2012, july),
+            (2015, july),
+            (2017, january),
+        ];
+        assert_eq!(LEAP_SECOND_DAYS, days.map(|(year, month)| days_from_civil(year, month, 1)));
+    }
+
     #[test]
     fn wrong_times_are_refused() {
         for text in [
@@ -274,6 +301,8 @@ mod tests {
             let (y, mo, d, h, mi, se, _) = theirs.to_gregorian_utc();
             // Inside a leap second itself calendars differ by choice; 18 such seconds exist.
             prop_assume!(se < 60);
+            // hifitime counts a leap second some seconds early: 1997-06-30T23:59:30 UTC is 23:59:29 there.
+            prop_assume!(ours.leap_seconds() == (ours + 60.0).leap_seconds());
             let utc = GpsTime { seconds: s, fraction: 0.0 }.utc_calendar();
             prop_assert_eq!(utc, (y, mo.into(), d.into(), h.into(), mi.into(), f64::from(se)));
             prop_assert_eq!(GpsTime::from_utc(utc.0, utc.1, utc.2, utc.3, utc.4, utc.5).seconds, s);

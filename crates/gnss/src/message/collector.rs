@@ -1,28 +1,14 @@
 //! From the pages of all satellites to navigation data.
 
+use super::inav::InavCollector;
 use super::lnav::{
     Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, LnavMessage, Subframe, Subframe1, Subframe2,
     Subframe3, assemble, resolve_week,
 };
-use super::{Content, sbas};
+use super::{Content, Update, inav, sbas};
 use crate::atmosphere::Klobuchar;
 use crate::{GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
-
-/// New data from a page.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Update {
-    /// A new ephemeris of this satellite.
-    Ephemeris(Sv),
-    /// Ionosphere and UTC parameters.
-    IonosphereUtc,
-    /// The almanac of this satellite.
-    Almanac(Sv),
-    /// Health words of satellites.
-    Health,
-    /// A message of this type of an SBAS satellite.
-    Sbas(Sv, u8),
-}
 
 /// Latest parts of one satellite's ephemeris.
 #[derive(Clone, Debug, Default)]
@@ -49,6 +35,7 @@ pub struct NavigationCollector {
     health: BTreeMap<Sv, u8>,
     /// By satellite and message type.
     sbas: BTreeMap<Sv, BTreeMap<u8, sbas::SbasMessage>>,
+    galileo: InavCollector,
 }
 
 impl Default for NavigationCollector {
@@ -69,6 +56,7 @@ impl NavigationCollector {
             almanacs: BTreeMap::new(),
             health: BTreeMap::new(),
             sbas: BTreeMap::new(),
+            galileo: InavCollector::new(reference_week),
         }
     }
 
@@ -83,6 +71,7 @@ impl NavigationCollector {
                     .insert(message.kind, sbas::SbasMessage::clone(message));
                 Some(Update::Sbas(sv, message.kind))
             }
+            Content::Inav(page) => self.galileo.add(sv, page.word.as_ref()?, &mut self.data),
         }
     }
 
@@ -125,6 +114,11 @@ impl NavigationCollector {
     /// Latest almanac of each satellite.
     pub fn almanacs(&self) -> &BTreeMap<Sv, Almanac> {
         &self.almanacs
+    }
+
+    /// Latest almanac of each satellite of Galileo.
+    pub fn galileo_almanacs(&self) -> &BTreeMap<Sv, inav::GalileoAlmanac> {
+        self.galileo.almanacs()
     }
 
     /// Latest six-bit health word of each satellite, from its own subframe 1 or anyone's almanac; 0 is

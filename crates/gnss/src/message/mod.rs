@@ -3,10 +3,14 @@
 mod collector;
 pub mod convolutional;
 pub mod crc24q;
+mod fields;
+pub mod inav;
 pub mod lnav;
 pub mod sbas;
+mod update;
 
-pub use collector::{NavigationCollector, Update};
+pub use collector::NavigationCollector;
+pub use update::Update;
 
 /// Finds the pages of a navigation message in the symbols of one signal of one satellite.
 pub trait MessageDecoder: Send {
@@ -37,4 +41,6 @@ pub enum Content {
     Lnav(lnav::Subframe),
     /// A message of SBAS L1.
     Sbas(Box<sbas::SbasMessage>),
+    /// A page of Galileo E1-B.
+    Inav(Box<inav::InavPage>),
 }

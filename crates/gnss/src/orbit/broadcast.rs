@@ -1,22 +1,26 @@
 //! Broadcast ephemeris, and satellite position, velocity and clock by it.
 
-use crate::constants::{MU_EARTH, OMEGA_EARTH, RELATIVISTIC_F};
+use crate::constants::{
+    MU_EARTH, MU_EARTH_GALILEO, OMEGA_EARTH, RELATIVISTIC_F, RELATIVISTIC_F_GALILEO,
+};
 use crate::{Constellation, GpsTime, Sv};
 use nalgebra::Vector3;
 
 /// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad
-/// (IS-GPS-200N 20.3.3.3 and 20.3.3.4; names of tables 20-I and 20-III).
+/// (IS-GPS-200N 20.3.3.3 and 20.3.3.4; names of tables 20-I and 20-III); or one of Galileo I/NAV: words 1 to 5 (Galileo
+/// OS SIS ICD 2.1, 5.1), its times in Galileo System Time counted by GPS weeks, which differs from GPS time by
+/// nanoseconds. What else Galileo sends of a satellite is in [`GalileoStatus`](crate::galileo_data::GalileoStatus).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ephemeris {
     /// The satellite.
     pub sv: Sv,
-    /// Issue of data, clock (10 bits).
+    /// Issue of data, clock (10 bits); IODnav of Galileo.
     pub iodc: u16,
-    /// Issue of data, ephemeris (8 bits).
+    /// Issue of data, ephemeris (8 bits); the low bits of IODnav of Galileo.
     pub iode: u8,
-    /// URA index, 0 to 15.
+    /// URA index, 0 to 15; of Galileo that whose bound is next to SISA.
     pub ura_index: u8,
-    /// Six-bit health word; 0 is healthy.
+    /// Six-bit health word, three bits of E1-B of Galileo; 0 is healthy.
     pub health: u8,
     /// Codes on the L2 channel.
     pub l2_codes: u8,
@@ -36,7 +40,7 @@ pub struct Ephemeris {
     pub af1: f64,
     /// Clock drift rate `a_f2`, s/s^2.
     pub af2: f64,
-    /// Group delay of L1 C/A against the clock's reference, s.
+    /// Group delay of the signal on L1 against the clock's reference, s: T_GD, or BGD(E1, E5b) of Galileo.
     pub tgd: f64,
     /// Square root of the semi-major axis, sqrt(m).
     pub sqrt_a: f64,
@@ -78,7 +82,7 @@ pub struct SatelliteState {
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, in the rotating ECEF frame.
     pub velocity_mps: Vector3<f64>,
-    /// Satellite clock minus GPS time for an L1 C/A user, s: polynomial, relativity and -T_GD.
+    /// Satellite clock minus the time of its system for a user of its signal on L1, s: polynomial, relativity and -T_GD.
     pub clock_bias_s: f64,
     /// Rate of the satellite clock, s/s.
     pub clock_drift_sps: f64,
@@ -90,7 +94,11 @@ impl Ephemeris {
     pub fn state(&self, t: GpsTime) -> SatelliteState {
         let tk = t - self.toe;
         let a = self.sqrt_a * self.sqrt_a;
-        let n = (MU_EARTH / (a * a * a)).sqrt() + self.delta_n;
+        let (mu, relativistic_f) = match self.sv.constellation() {
+            Constellation::Galileo => (MU_EARTH_GALILEO, RELATIVISTIC_F_GALILEO),
+            _ => (MU_EARTH, RELATIVISTIC_F),
+        };
+        let n = (mu / (a * a * a)).sqrt() + self.delta_n;
         let ek = eccentric_anomaly(self.m0 + n * tk, self.e);
         let (sin_e, cos_e) = ek.sin_cos();
         let ek_dot = n / (1.0 - self.e * cos_e);
@@ -123,7 +131,7 @@ impl Ephemeris {
         );
 
         let tc = t - self.toc;
-        let relativity = RELATIVISTIC_F * self.e * self.sqrt_a;
+        let relativity = relativistic_f * self.e * self.sqrt_a;
         SatelliteState {
             position_m,
             velocity_mps,
@@ -142,9 +150,14 @@ impl Ephemeris {
         }
     }
 
-    /// Half the curve-fit interval, s: how far from `t_oe` the ephemeris may be used.
+    /// Half the curve-fit interval, s: how far from `t_oe` the ephemeris may be used. Galileo states none: a healthy
+    /// satellite sends one issue for at most 4 hours (OS SIS ICD 2.1, 5.1.9.2).
     pub fn half_fit_interval(&self) -> f64 {
-        if self.fit_interval_flag { 3.0 * 3600.0 } else { 2.0 * 3600.0 }
+        match self.sv.constellation() {
+            Constellation::Galileo => 4.0 * 3600.0,
+            _ if self.fit_interval_flag => 3.0 * 3600.0,
+            _ => 2.0 * 3600.0,
+        }
     }
 }
 
@@ -168,6 +181,9 @@ const URA_BOUNDS: [f64; 15] = [
     6144.0,
 ];
 
+/// Index of an accuracy that is not stated.
+pub(crate) const NO_ACCURACY: u8 = 15;
+
 /// User range accuracy of an index, m: the upper bound of IS-GPS-200N 20.3.3.3.1.3 (6144 beyond 14).
 pub fn ura_metres(index: u8) -> f64 {
     URA_BOUNDS.get(usize::from(index)).copied().unwrap_or(6144.0)
@@ -176,7 +192,7 @@ pub fn ura_metres(index: u8) -> f64 {
 /// Index of a user range accuracy in m: the smallest whose bound is not below it, so that files which print
 /// bounds (2.4, 3.4, ...) and those which print nominal values (2.0, 2.8, ...) give the same; 15 beyond.
 pub fn ura_index(metres: f64) -> u8 {
-    URA_BOUNDS.iter().position(|&bound| metres <= bound).unwrap_or(15) as u8
+    URA_BOUNDS.iter().position(|&bound| metres <= bound).map_or(NO_ACCURACY, |k| k as u8)
 }
 
 /// An ephemeris for examples and tests: G01 of 2022-01-01T00:00 GPST from a public IGS broadcast file.
@@ -219,6 +235,7 @@ pub fn sample_ephemeris() -> Ephemeris {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::SPEED_OF_LIGHT;
 
     #[test]
     fn velocity_and_clock_drift_are_the_derivatives_of_position_and_clock() {
@@ -237,6 +254,31 @@ mod tests {
             assert!((drift - at.clock_drift_sps).abs() < 1e-16);
             // GPS orbits: 26 560 km and about 3.9 km/s inertial.
             assert!((at.position_m.norm() / 26.56e6 - 1.0).abs() < 0.03);
+        }
+    }
+
+    /// E14 and E18 are on orbits of e = 0.16. Without corrections the speed in inertial space obeys the vis-viva
+    /// equation, and the relativistic correction is -2 r v / c^2, each with the constants of its system (GPS and
+    /// Galileo differ by 1.5e-7).
+    #[test]
+    fn orbits_and_relativity_follow_the_constants_of_their_system() {
+        let none = [0.0; 6];
+        for (name, mu) in [("E14", 3.986_004_418e14), ("G14", 3.986_005e14)] {
+            let [cuc, cus, crc, crs, cic, cis] = none;
+            let [delta_n, omega_dot, idot, af0, af1, tgd] = none;
+            let orbit = Ephemeris { cuc, cus, crc, crs, cic, cis, ..sample_ephemeris() };
+            let orbit = Ephemeris { delta_n, omega_dot, idot, af0, af1, tgd, ..orbit };
+            let sv = name.parse().unwrap();
+            let eph = Ephemeris { sv, e: 0.16, sqrt_a: 5291.0, ..orbit };
+            for k in 0..12 {
+                let state = eph.state(eph.toe + 3600.0 * f64::from(k));
+                let (r, rotation) = (state.position_m, Vector3::z() * OMEGA_EARTH);
+                let v = state.velocity_mps + rotation.cross(&r);
+                let speed_squared = mu * (2.0 / r.norm() - 1.0 / eph.sqrt_a.powi(2));
+                assert!((v.norm_squared() / speed_squared - 1.0).abs() < 1e-11, "{name}");
+                let relativity = -2.0 * r.dot(&v) / SPEED_OF_LIGHT.powi(2);
+                assert!((state.clock_bias_s - relativity).abs() < 1e-16, "{name}");
+            }
         }
     }
 }

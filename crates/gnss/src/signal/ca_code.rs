@@ -33,7 +33,8 @@ mod tests {
 
     #[test]
     fn codes_are_balanced_gold_codes_of_three_valued_correlation() {
-        let satellites = Constellation::ALL.into_iter().flat_map(Sv::all);
+        let systems = [Constellation::Gps, Constellation::Qzss, Constellation::Sbas];
+        let satellites = systems.into_iter().flat_map(Sv::all);
         let all = satellites.map(|sv| signal::of(sv).code()).collect::<Vec<_>>();
         for (i, a) in all.iter().enumerate() {
             assert_eq!(a.iter().map(|&c| i32::from(c)).sum::<i32>().abs(), 1);

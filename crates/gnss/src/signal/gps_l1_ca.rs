@@ -25,9 +25,10 @@ pub(super) const SIGNAL: Signal = Signal {
     code: |number| ca_code(&G2_DELAY, number.checked_sub(1)?),
     modulation: Modulation::Bpsk,
     overlay: Overlay::None,
-    symbols: |_| Some(Symbols { periods: 20, decoder: || Box::new(FrameDecoder::new()) }),
+    symbols: |_| Some(Symbols { periods: 20, decoder: Some(|| Box::new(FrameDecoder::new())) }),
     partner: None,
     power_fraction: 1.0,
+    phase_cycles: 0.0,
 };
 
 #[cfg(test)]

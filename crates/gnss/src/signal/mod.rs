@@ -4,12 +4,30 @@
 //! its signals. All properties of a signal are here: no other module contains a chip rate, a code
 //! length, a carrier or the length of a symbol.
 
+mod beidou_b1c;
+mod beidou_b1i;
 mod ca_code;
+#[cfg(test)]
+mod code_vectors;
+mod galileo_e1;
+mod glonass_l1of;
 mod gps_l1_ca;
+mod gps_l1c;
+mod modulation;
+mod overlay;
+mod packed_code;
 mod qzss_l1_ca;
 mod sbas_l1;
+mod weil_code;
 
+pub use beidou_b1c::{BEIDOU_B1C_DATA, BEIDOU_B1C_PILOT};
+pub use beidou_b1i::BEIDOU_B1I;
+pub use galileo_e1::{GALILEO_E1B, GALILEO_E1C};
+pub use glonass_l1of::GLONASS_L1OF;
 pub use gps_l1_ca::GPS_L1_CA;
+pub use gps_l1c::{GPS_L1C_D, GPS_L1C_P};
+pub use modulation::Modulation;
+pub use overlay::Overlay;
 pub use qzss_l1_ca::QZSS_L1_CA;
 pub use sbas_l1::SBAS_L1;
 
@@ -25,7 +43,19 @@ pub const L1_CENTRE_HZ: f64 = 1_575.42e6;
 pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_CENTRE_HZ;
 
 /// All signals that are known; the first of a constellation is the default of its satellites.
-pub static ALL: [&Signal; 3] = [&GPS_L1_CA, &QZSS_L1_CA, &SBAS_L1];
+pub static ALL: [&Signal; 11] = [
+    &GPS_L1_CA,
+    &QZSS_L1_CA,
+    &SBAS_L1,
+    &GALILEO_E1B,
+    &GALILEO_E1C,
+    &BEIDOU_B1I,
+    &BEIDOU_B1C_DATA,
+    &BEIDOU_B1C_PILOT,
+    &GLONASS_L1OF,
+    &GPS_L1C_D,
+    &GPS_L1C_P,
+];
 
 /// A signal, the same of all satellites that send it but for the code. Signals are distinguished by their names.
 #[derive(Debug)]
@@ -55,6 +85,8 @@ pub struct Signal {
     pub partner: Option<&'static Signal>,
     /// Fraction of the power of both components that is in this one.
     pub power_fraction: f64,
+    /// Carrier phase of this component ahead of that of the data component, cycles: 0.5 is a minus sign.
+    pub phase_cycles: f64,
 }
 
 /// Carrier of a signal.
@@ -73,43 +105,13 @@ pub enum Carrier {
     },
 }
 
-/// Subcarrier of a signal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Modulation {
-    /// None: binary phase-shift keying by the code alone.
-    Bpsk,
-    /// sin-BOC of a subcarrier of `ratio` times the chip rate.
-    Boc {
-        /// Subcarrier over chip rate.
-        ratio: u8,
-    },
-    /// CBOC(6, 1, 1/11) of Galileo E1: the two subcarriers in opposition in the pilot.
-    Cboc {
-        /// Whether it is that of the pilot.
-        pilot: bool,
-    },
-    /// TMBOC(6, 1, 4/33) of GPS L1C.
-    Tmboc,
-}
-
-/// Secondary code: one chip, +1 or -1, a period of the primary code.
-#[derive(Clone, Copy, Debug)]
-pub enum Overlay {
-    /// None.
-    None,
-    /// The same of all satellites.
-    Shared(&'static [i8]),
-    /// That of the satellite of this number.
-    PerSatellite(fn(u8) -> Box<[i8]>),
-}
-
 /// Data symbols of a signal.
 #[derive(Clone, Copy, Debug)]
 pub struct Symbols {
     /// Code periods in a symbol.
     pub periods: usize,
-    /// A new decoder of the message.
-    pub decoder: fn() -> Box<dyn MessageDecoder>,
+    /// A new decoder of the message, if it is one that is known here.
+    pub decoder: Option<fn() -> Box<dyn MessageDecoder>>,
 }
 
 impl Signal {
@@ -221,9 +223,20 @@ impl Transmission {
         self.signal.cycles_per_chip(self.sv)
     }
 
-    /// A new decoder of its message; none of a pilot.
+    /// One period of the secondary code, a chip of +1 or -1 a period of the primary code, if there is one.
+    pub fn overlay(&self) -> Option<Box<[i8]>> {
+        self.signal.overlay.chips(self.sv.number())
+    }
+
+    /// The other component of the same satellite, where data and pilot are sent together.
+    pub fn partner(&self) -> Option<Self> {
+        self.signal.partner.map(|signal| Self { sv: self.sv, signal })
+    }
+
+    /// A new decoder of its message; none of a pilot, nor of a message that is not known here.
     pub fn decoder(&self) -> Option<Box<dyn MessageDecoder>> {
-        (self.signal.symbols)(self.sv.number()).map(|symbols| (symbols.decoder)())
+        let decoder = (self.signal.symbols)(self.sv.number())?.decoder?;
+        Some(decoder())
     }
 
     /// Code periods and symbols as a receiver sums them.
@@ -309,7 +322,7 @@ mod tests {
     fn periods_and_cycles_of_the_l1_codes_are_exact() {
         let f0 = 10.23e6;
         assert_eq!(L1_CENTRE_HZ, 154.0 * f0);
-        for signal in ALL {
+        for signal in [&GPS_L1_CA, &QZSS_L1_CA, &SBAS_L1] {
             let sv = Sv::all(signal.constellation).next().unwrap();
             assert_eq!((signal.period_s(), signal.chip_rate_hz), (1e-3, f0 / 10.0));
             assert_eq!((signal.carrier_hz(sv), signal.cycles_per_chip(sv)), (154.0 * f0, 1540.0));

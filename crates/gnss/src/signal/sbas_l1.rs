@@ -17,6 +17,6 @@ pub static SBAS_L1: Signal = Signal {
     name: "SBAS L1",
     constellation: Constellation::Sbas,
     code: |number| ca_code(&G2_DELAY, number.checked_sub(20)?),
-    symbols: |_| Some(Symbols { periods: 2, decoder: || Box::new(SbasDecoder::new()) }),
+    symbols: |_| Some(Symbols { periods: 2, decoder: Some(|| Box::new(SbasDecoder::new())) }),
     ..gps_l1_ca::SIGNAL
 };

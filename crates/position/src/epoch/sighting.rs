@@ -59,6 +59,9 @@ pub(crate) fn clock_of(sv: Sv) -> usize {
     match sv.constellation() {
         // QZSS and SBAS keep GPS time.
         Constellation::Gps | Constellation::Qzss | Constellation::Sbas => 0,
+        Constellation::Galileo => 1,
+        Constellation::BeiDou => 2,
+        Constellation::Glonass => 3,
     }
 }
 

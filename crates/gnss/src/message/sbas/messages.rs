@@ -5,8 +5,8 @@
 //! grid masks; the issues of data (IODP, IODI) identify the mask, IODF and IODE fast correction and ephemeris.
 //! All of them stay as sent: a receiver has to combine them.
 
-use super::fields::{Fields, Walk};
-use super::{CHECKED_BITS, MessageBits, OutOfRange, PREAMBLES, preamble_of, seal};
+use super::{CHECKED_BITS, MESSAGE_BITS, MessageBits, OutOfRange, PREAMBLES, preamble_of, seal};
+use crate::message::fields::{Fields, Walk};
 use serde::Serialize;
 
 /// One message.
@@ -342,7 +342,7 @@ impl SbasMessage {
     /// The bits of the message with preamble and parity. The caller sees to it that type and contents
     /// belong together. An error if a value does not fit its field.
     pub fn encode(&self) -> Result<MessageBits, OutOfRange> {
-        let mut w = Walk::writer(0);
+        let mut w = Walk::writer(&[false; MESSAGE_BITS]);
         let mut preamble = PREAMBLES[usize::from(self.preamble % 3)];
         w.count("preamble", &mut preamble, 8);
         w.count("type", &mut { self.kind }, 6);
@@ -368,7 +368,7 @@ impl SbasMessage {
             | SbasContent::Null(mut c)
             | SbasContent::Other(mut c) => c.walk(&mut w),
         }
-        let mut bits = w.finish()?;
+        let mut bits: MessageBits = w.finish()?;
         seal(&mut bits);
         Ok(bits)
     }

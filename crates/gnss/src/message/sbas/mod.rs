@@ -7,14 +7,14 @@
 //! first bit of a message leaves the satellite on a whole second of the SBAS network time.
 
 mod decoder;
-mod fields;
 mod messages;
 #[cfg(test)]
 mod tests;
 
 pub use decoder::SbasDecoder;
-pub use fields::OutOfRange;
 pub use messages::*;
+
+pub use super::fields::OutOfRange;
 
 use super::convolutional::{Encoder, SecondOutput};
 use super::crc24q;

@@ -1,10 +1,11 @@
-//! One description of the fields of a message for both encoder and decoder.
+//! One description of the fields of a message for both encoder and decoder: of SBAS and Galileo, whose fields follow
+//! each other without gaps.
 
-use super::MessageBits;
+use crate::constants::GPS_PI;
 
 /// A value that its field cannot hold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("SBAS message: {name} is {value}, its field holds {min} to {max}")]
+#[error("navigation message: {name} is {value}, its field holds {min} to {max}")]
 pub struct OutOfRange {
     /// The field.
     pub name: &'static str,
@@ -19,7 +20,7 @@ pub struct OutOfRange {
 /// Goes from field to field of a message, most significant bit first, and carries values one way or the
 /// other. The first value that does not fit is kept as the error, and zero is written for it.
 pub(super) struct Walk {
-    pub bits: MessageBits,
+    bits: Vec<bool>,
     at: usize,
     writing: bool,
     error: Option<OutOfRange>,
@@ -33,18 +34,22 @@ pub(super) trait Fields: Default {
 
 impl Walk {
     /// Reads from the bit `at` on.
-    pub(super) fn reader(bits: &MessageBits, at: usize) -> Self {
-        Self { bits: *bits, at, writing: false, error: None }
+    pub(super) fn reader(bits: &[bool], at: usize) -> Self {
+        Self { bits: bits.to_vec(), at, writing: false, error: None }
     }
 
-    /// Writes over zeros from the bit `at` on.
-    pub(super) fn writer(at: usize) -> Self {
-        Self { bits: [false; super::MESSAGE_BITS], at, writing: true, error: None }
+    /// Writes over a message of these bits, from its first bit on.
+    pub(super) fn writer(bits: &[bool]) -> Self {
+        Self { bits: bits.to_vec(), at: 0, writing: true, error: None }
     }
 
     /// The bits, unless a value did not fit.
-    pub(super) fn finish(self) -> Result<MessageBits, OutOfRange> {
-        self.error.map_or(Ok(self.bits), Err)
+    ///
+    /// # Panics
+    /// If the message has not `N` bits.
+    pub(super) fn finish<const N: usize>(self) -> Result<[bool; N], OutOfRange> {
+        let bits = self.bits.try_into().expect("the length of the message");
+        self.error.map_or(Ok(bits), Err)
     }
 
     /// The struct that begins here.
@@ -86,8 +91,16 @@ impl Walk {
         self.put(width, if fits { count as i64 as u32 } else { 0 });
     }
 
-    /// Unused bits: skipped, written as zeros.
+    /// Unused bits: skipped, and left as they are.
     pub(super) fn spare(&mut self, width: usize) {
+        self.at += width;
+    }
+
+    /// Unused bits: skipped, written as alternating zeros and ones.
+    pub(super) fn alternating(&mut self, width: usize) {
+        if self.writing {
+            (0..width).for_each(|k| self.bits[self.at + k] = k % 2 == 1);
+        }
         self.at += width;
     }
 
@@ -144,6 +157,36 @@ impl Walk {
         } else {
             let unused = 32 - width;
             *value = f64::from((self.get(width) << unused) as i32 >> unused) * lsb;
+        }
+    }
+
+    /// A signed real number of unit `lsb` semicircles (or semicircles/s), kept in rad (rad/s).
+    pub(super) fn semicircles(
+        &mut self,
+        name: &'static str,
+        rad: &mut f64,
+        width: usize,
+        lsb: f64,
+    ) {
+        let mut value = *rad / GPS_PI;
+        self.signed(name, &mut value, width, lsb);
+        if !self.writing {
+            *rad = value * GPS_PI;
+        }
+    }
+
+    /// An angle, kept in rad, in a field as wide as the circle; any number of turns may be added to it.
+    pub(super) fn angle(&mut self, name: &'static str, rad: &mut f64, width: usize) {
+        let lsb = 2f64.powi(1 - width as i32);
+        let size = 2f64.powi(width as i32);
+        let mut turned = *rad;
+        if self.writing {
+            let count = (*rad / GPS_PI / lsb).round().rem_euclid(size);
+            turned = (if count < size / 2.0 { count } else { count - size }) * lsb * GPS_PI;
+        }
+        self.semicircles(name, &mut turned, width, lsb);
+        if !self.writing {
+            *rad = turned;
         }
     }
 
