@@ -145,7 +145,7 @@ fn wrong_sigmf_is_named() {
     refused(&meta(r#""core:datatype": "ci64""#, ""), &["core:datatype", "'ci64' is not supported"]);
     refused(&meta(r#""core:datatype": "ci8""#, ""), &["sample rate", "must be given"]);
     let zero = good.replace("4e6", "0");
-    refused(&meta(&zero, ""), &["core:sample_rate", "no positive number"]);
+    refused(&meta(&zero, ""), &["core:sample_rate", "is no rate of a converter"]);
     let many = format!(r#"{good}, "core:num_channels": 0"#);
     refused(&meta(&many, ""), &["core:num_channels", "0 is not in 1 to 1024"]);
     let only = format!(r#"{good}, "core:metadata_only": true"#);

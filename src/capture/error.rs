@@ -30,10 +30,12 @@ pub enum CaptureError {
     FormatNeeded(PathBuf),
     #[error("the sample rate of '{}' is not known and must be given", .0.display())]
     RateNeeded(PathBuf),
-    #[error("sample rate {0} Hz is impossible: it must be a finite number above 0, such as 4M")]
+    #[error(
+        "sample rate {0:e} Hz is impossible: it must be above 0 and at most 10 GHz, such as 4M"
+    )]
     BadRate(f64),
     #[error(
-        "intermediate frequency {0} Hz is impossible: it must be a finite number, such as 4.092M"
+        "intermediate frequency {0:e} Hz is impossible: it must be a number up to 10 GHz, such as 4.092M"
     )]
     BadIf(f64),
     #[error(

@@ -49,7 +49,9 @@ impl OpenOptions {
             check_rate(rate)?;
         }
         match self {
-            Self { if_hz: Some(f), .. } if !f.is_finite() => Err(CaptureError::BadIf(*f)),
+            Self { if_hz: Some(f), .. } if !(f.abs() <= MAX_RATE_HZ) => {
+                Err(CaptureError::BadIf(*f))
+            }
             Self { channels: Some(n), .. } if !(1..=1024).contains(n) => {
                 Err(CaptureError::BadChannels(*n))
             }
@@ -64,9 +66,12 @@ impl OpenOptions {
     }
 }
 
-/// A rate is a finite number above zero.
+/// Largest rate of a converter, and largest intermediate frequency, Hz.
+const MAX_RATE_HZ: f64 = 1e10;
+
+/// A rate is a number above zero that a converter can have.
 pub(super) fn check_rate(rate_hz: f64) -> Result<f64, CaptureError> {
-    if rate_hz.is_finite() && rate_hz > 0.0 {
+    if rate_hz > 0.0 && rate_hz <= MAX_RATE_HZ {
         Ok(rate_hz)
     } else {
         Err(CaptureError::BadRate(rate_hz))

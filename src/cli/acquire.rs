@@ -1,6 +1,7 @@
 //! `sdr-rx acquire`: the satellites in a capture.
 
 use super::output::{self, Printed};
+use super::protect::protect;
 use super::receive::{self, Receive};
 use sdr_rx::front_end::conditioned_rate_hz;
 use sdr_rx::receiver;
@@ -18,16 +19,21 @@ pub struct Acquire {
     #[arg(long, value_name = "S", default_value_t = 0.2, help_heading = "Search")]
     seconds: f64,
     /// Write the result as one JSON object to a file, or - for standard output
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = "Output")]
     json: Option<PathBuf>,
+    /// Replace files that sdr-rx did not write
+    #[arg(long, help_heading = "Output")]
+    force: bool,
 }
 
 /// Searches and prints. Exit code 1 when nothing is found.
 pub fn run(args: &Acquire) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
+    let outputs = args.json.iter().map(PathBuf::as_path);
+    protect(outputs, &args.receive.input.captures, args.force)?;
     let mut source = args.receive.input.open()?;
     let info = source.info().clone();
-    let options = args.receive.options(&info);
+    let options = args.receive.options(&info)?;
     anyhow::ensure!(args.seconds > 0.0, "--seconds must be above 0");
     let record = receiver::acquire(source.as_mut(), &options, args.seconds)?;
     Printed {

@@ -1,6 +1,7 @@
 //! `sdr-rx look`: number and directions of sources.
 
 use super::output::Printed;
+use super::protect::protect;
 use super::receive::{self, Receive};
 use anyhow::Context;
 use sdr_rx::front_end::conditioned_rate_hz;
@@ -23,17 +24,22 @@ pub struct Look {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     svg: Option<PathBuf>,
     /// Write the result as one JSON object to a file, or - for standard output
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = "Output")]
     json: Option<PathBuf>,
+    /// Replace files that sdr-rx did not write
+    #[arg(long, help_heading = "Output")]
+    force: bool,
 }
 
 /// Looks and prints. Exit code 1 when nothing is found.
 pub fn run(args: &Look) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
+    let outputs = args.json.iter().chain(&args.svg).map(PathBuf::as_path);
+    protect(outputs, &args.receive.input.captures, args.force)?;
     anyhow::ensure!(args.seconds >= 0.002, "--seconds must be 0.002 or more: two code periods");
     let mut source = args.receive.input.open()?;
     let info = source.info().clone();
-    let options = args.receive.options(&info);
+    let options = args.receive.options(&info)?;
     let record = receiver::look(source.as_mut(), &options, args.seconds)?;
     let sky = record.sky.as_ref();
     if let (Some(path), Some(sky)) = (&args.svg, sky) {

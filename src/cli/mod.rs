@@ -12,6 +12,7 @@ mod network;
 mod output;
 mod process;
 mod progress;
+mod protect;
 mod receive;
 mod simulate;
 mod solve;
@@ -42,7 +43,8 @@ enum Command {
 
 /// Runs the command line and gives the exit code: 0 the requested result, 1 no fix, 2 usage or input.
 pub fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let arguments = protect::json_values(std::env::args_os());
+    let result = match Cli::parse_from(arguments).command {
         Command::Process(args) => process::run(&args),
         Command::Acquire(args) => acquire::run(&args),
         Command::Experiment(args) => experiment::run(&args),

@@ -3,6 +3,7 @@
 use super::interrupt::{Interrupt, Interruptible};
 use super::live::Live;
 use super::output::{self, Printed};
+use super::protect::{protect, protect_folder};
 use super::receive::{self, Receive, Solve};
 use anyhow::{Context, ensure};
 use sdr_rx::capture::Block;
@@ -25,11 +26,14 @@ pub struct Process {
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Write the result as one JSON object to a file, or - for standard output
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = "Output")]
     json: Option<PathBuf>,
     /// Add a page with plots, report.html, to --out
     #[arg(long, requires = "out", help_heading = "Output")]
     report: bool,
+    /// Replace files that sdr-rx did not write
+    #[arg(long, help_heading = "Output")]
+    force: bool,
     /// Print each fix at once [default: where the capture is a pipe, a socket or a device]
     #[arg(long, help_heading = "Output")]
     follow: bool,
@@ -43,14 +47,19 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     args.receive.start_threads()?;
     let mut source = args.receive.input.open()?;
     let info = source.info().clone();
-    let mut options = args.receive.options(&info);
+    let mut options = args.receive.options(&info)?;
     args.solve.apply(&mut options)?;
+    let outputs = args.json.iter().chain(&args.events).map(PathBuf::as_path);
+    protect(outputs, &args.receive.input.captures, args.force)?;
     let to_stdout = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
     let (json_out, events_out) = (to_stdout(&args.json), to_stdout(&args.events));
     ensure!(!(json_out && events_out), "--json and --events cannot both go to standard output");
     // Checked first: hours of signal would be lost if the folder could not be written.
     let folder = args.out.as_ref().map(OutputDir::create).transpose()?;
-    folder.as_ref().map_or(Ok(()), OutputDir::check)?;
+    if let Some(folder) = &folder {
+        folder.check()?;
+        protect_folder(folder, &args.receive.input.captures, args.force)?;
+    }
     if let Some(path) = args.json.as_deref().filter(|_| !json_out) {
         write_check(path)?;
     }

@@ -2,7 +2,7 @@
 
 use super::corrections::Corrections;
 use super::input::{Input, si_number};
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
 use sdr_rx::array::{BeamKind, Engine, LookOptions, SparseOptions};
@@ -12,6 +12,7 @@ use sdr_rx::gnss::antenna::ArrayDescription;
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::navigation_data::UtcParameters;
 use sdr_rx::gnss::satellite::parse_sv_list;
+use sdr_rx::gnss::signal::GPS_L1_CA;
 use sdr_rx::gnss::{Sv, signal};
 use sdr_rx::position::PositioningOptions;
 use sdr_rx::receiver::ReceiverOptions;
@@ -164,17 +165,47 @@ impl Receive {
     /// Sets the number of threads.
     pub fn start_threads(&self) -> anyhow::Result<()> {
         let threads = self.threads.unwrap_or(0);
+        ensure!(threads <= 1024, "-j {threads}: 1 to 1024 threads, or none for all processors");
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build_global()
             .context("starting threads")
     }
 
+    /// Refuses values that no search can have.
+    fn check(&self, rate_hz: f64) -> anyhow::Result<()> {
+        ensure!((1..=20).contains(&self.search_ms), "--search-ms must be 1 to 20");
+        ensure!(
+            (1..=100_000).contains(&self.search_windows),
+            "--search-windows must be 1 to 100000: windows of --search-ms that are summed"
+        );
+        ensure!(
+            (1.0..=500e3).contains(&self.doppler_max.abs()),
+            "--doppler-max must be 1 Hz to 500 kHz: satellites make 5k, the oscillator's error adds to it"
+        );
+        ensure!(
+            self.doppler_rate_max.is_none_or(|rate| rate.abs() <= 10e3),
+            "--doppler-rate-max must be at most 10k Hz/s: satellites in low orbits reach 600"
+        );
+        ensure!(self.pfa > 0.0 && self.pfa < 1.0, "--pfa must be a probability between 0 and 1");
+        let most = (rate_hz / GPS_L1_CA.chip_rate_hz) as usize;
+        ensure!(
+            self.decimate.is_none_or(|factor| (1..=most.max(1)).contains(&factor)),
+            "--decimate must be 1 to {}: {rate_hz:.0} Hz over it must not fall below the chip rate, 1.023 MHz",
+            most.max(1)
+        );
+        Ok(())
+    }
+
     /// The receiver's options for a stream.
-    pub fn options(&self, info: &StreamInfo) -> ReceiverOptions {
+    ///
+    /// # Errors
+    /// Which option no search can have.
+    pub fn options(&self, info: &StreamInfo) -> anyhow::Result<ReceiverOptions> {
+        self.check(info.rate_hz)?;
         let automatic = ((info.rate_hz / ENOUGH_RATE_HZ) as usize).max(1);
         let low_orbit_rate = if self.doppler_max.abs() > 10e3 { 600.0 } else { 0.0 };
-        ReceiverOptions {
+        Ok(ReceiverOptions {
             search: SearchOptions {
                 satellites: self.prn.0.iter().copied().map(signal::of).collect(),
                 doppler_hz: (-self.doppler_max.abs(), self.doppler_max.abs()),
@@ -193,7 +224,7 @@ impl Receive {
             suppression: self.suppress,
             decimation: self.decimate.unwrap_or(automatic),
             ..ReceiverOptions::default()
-        }
+        })
     }
 }
 

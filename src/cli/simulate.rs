@@ -1,5 +1,7 @@
 //! `sdr-rx simulate`: a capture with known truth.
 
+use super::interrupt::Interrupt;
+use super::protect::protect;
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
@@ -34,6 +36,9 @@ pub struct Simulate {
     /// Seconds to make, in place of the scenario's duration_s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     duration: Option<f64>,
+    /// Replace files that sdr-rx did not write
+    #[arg(long)]
+    force: bool,
     /// Seed of all random draws, in place of the scenario's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -41,6 +46,7 @@ pub struct Simulate {
 
 /// Simulates the capture.
 pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
+    protect([args.out.as_path()], std::slice::from_ref(&args.scenario), args.force)?;
     let mut scenario = Scenario::read(&args.scenario)?;
     if let Some(duration) = args.duration {
         if !(duration > 0.0 && duration.is_finite()) {
@@ -106,8 +112,13 @@ fn copy(
     } else {
         ProgressBar::hidden()
     };
+    let interrupt = Interrupt::new().context("waiting for Ctrl-C")?;
     let mut block = Block::default();
     loop {
+        if interrupt.pressed() {
+            // Files that are not complete go with the error.
+            bail!("interrupted: nothing was written");
+        }
         let read = source.read(&mut block, at_a_time).map_err(|e| anyhow::anyhow!(e))?;
         if read == 0 {
             bar.finish_and_clear();

@@ -2,6 +2,7 @@
 
 use super::corrections::Corrections;
 use super::output;
+use super::protect::{protect, protect_folder};
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -67,8 +68,11 @@ pub(super) struct Solve {
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Write the result as one JSON object to a file, or - for standard output
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = "Output")]
     json: Option<PathBuf>,
+    /// Replace files that sdr-rx did not write
+    #[arg(long, help_heading = "Output")]
+    force: bool,
     /// Add a page with plots, report.html, to --out
     #[arg(long, requires = "out", help_heading = "Output")]
     report: bool,
@@ -210,6 +214,15 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         .num_threads(args.threads.unwrap_or(0))
         .build_global()
         .context("starting threads")?;
+    let inputs =
+        [&args.navigation[..], &args.sp3, std::slice::from_ref(&args.observations)].concat();
+    let outputs = args.json.iter().chain(&args.trace).map(PathBuf::as_path);
+    protect(outputs, &inputs, args.force)?;
+    let folder = args.out.as_ref().map(OutputDir::create).transpose()?;
+    if let Some(folder) = &folder {
+        folder.check()?;
+        protect_folder(folder, &inputs, args.force)?;
+    }
     let options = args.options()?;
     let mut told = Vec::new();
     let navigation = args.navigation(&mut told)?;
@@ -272,8 +285,8 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.trace {
         report::write_atomically(path, solved.trace.as_bytes())?;
     }
-    if let Some(folder) = &args.out {
-        report::write_all(&run, &OutputDir::create(folder)?, args.report)?;
+    if let Some(folder) = &folder {
+        report::write_all(&run, folder, args.report)?;
     }
     let mut text = report::fix_table(&run);
     if !solved.fixes.is_empty() {

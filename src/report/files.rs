@@ -3,19 +3,51 @@
 use super::{ReportError, Run, Summary, geojson, html, json, kml, nmea};
 use crate::gnss::format::{rinex_nav, rinex_obs};
 use crate::temporary::temporary_beside;
-use std::io::Write;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes a file under a temporary name beside `path` and renames it: a reader sees the old file or the
-/// complete new one, also when the run is killed.
+/// complete new one, also when the run is killed. A link's target is replaced, not the link; devices and pipes are
+/// written to.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
     let write = || -> std::io::Result<()> {
-        let mut file = temporary_beside(path)?;
+        // A path that does not exist yet is its own target.
+        let target = path.canonicalize().unwrap_or(path.to_owned());
+        if !is_replaceable(&target) {
+            return std::fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+        }
+        let mut file = temporary_beside(&target)?;
         file.write_all(bytes)?;
-        file.persist(path)?;
+        file.persist(&target)?;
         Ok(())
     };
     write().map_err(|source| ReportError::File { path: path.to_owned(), source })
+}
+
+/// Whether a file is empty or names this program near its start or end, as its files do; traces and NMEA have no room for a name.
+pub fn is_ours(path: &Path) -> bool {
+    const NAMED_WITHIN: u64 = 4096;
+    const NAME: &[u8] = b"sdr-rx";
+    const NAMELESS: [&[u8]; 2] = [b"gps_week,tow_s,", b"$GPRMC,"];
+    let part = |from_end: bool| -> std::io::Result<Vec<u8>> {
+        let mut file = std::fs::File::open(path)?;
+        if from_end {
+            let before = file.metadata()?.len().saturating_sub(NAMED_WITHIN);
+            file.seek(SeekFrom::Start(before))?;
+        }
+        let mut bytes = Vec::new();
+        file.take(NAMED_WITHIN).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let (Ok(start), Ok(end)) = (part(false), part(true)) else { return false };
+    let is_named = |bytes: &[u8]| bytes.windows(NAME.len()).any(|window| window == NAME);
+    let is_nameless = NAMELESS.iter().any(|head| start.starts_with(head));
+    start.is_empty() || is_named(&start) || is_named(&end) || is_nameless
+}
+
+/// Whether a path is free or an ordinary file, not a device or a pipe.
+fn is_replaceable(path: &Path) -> bool {
+    std::fs::metadata(path).map_or(true, |data| data.is_file())
 }
 
 /// Checks whether a file can be written.
@@ -23,7 +55,11 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
 /// # Errors
 /// When it cannot.
 pub fn write_check(path: &Path) -> Result<(), ReportError> {
-    let found = temporary_beside(path);
+    let target = path.canonicalize().unwrap_or(path.to_owned());
+    if !is_replaceable(&target) && !target.is_dir() {
+        return Ok(());
+    }
+    let found = temporary_beside(&target);
     found.map(|_| ()).map_err(|source| ReportError::File { path: path.to_owned(), source })
 }
 
@@ -51,6 +87,34 @@ impl OutputDir {
         write_check(&self.path.join("result.json"))
     }
 
+    /// The files in the folder that have names of reports.
+    pub fn reports(&self) -> impl Iterator<Item = PathBuf> {
+        const NAMES: [&str; 6] = [
+            "result.json",
+            "navigation.rnx",
+            "track.nmea",
+            "track.geojson",
+            "track.kml",
+            "report.html",
+        ];
+        let is_report = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            NAMES.contains(&name.as_ref()) || rinex_obs::is_file_name(&name)
+        };
+        let entries = std::fs::read_dir(&self.path).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).filter(is_report)
+    }
+
+    /// Removes reports of an earlier run that are not among `written`.
+    fn remove_others(&self, written: &[PathBuf]) -> Result<(), ReportError> {
+        let is_other = |path: &PathBuf| is_ours(path) && !written.contains(path);
+        for path in self.reports().filter(is_other) {
+            std::fs::remove_file(&path)
+                .map_err(|source| ReportError::File { path: path.clone(), source })?;
+        }
+        Ok(())
+    }
+
     /// Writes one file into the folder and gives its path.
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<PathBuf, ReportError> {
         let path = self.path.join(name);
@@ -60,7 +124,7 @@ impl OutputDir {
 
 /// Writes every report for which the run has data: `result.json` always; RINEX observations and
 /// navigation; `track.nmea`, `track.geojson`, `track.kml` where there is a fix; `report.html` if asked.
-/// Gives the paths in the order written.
+/// Files of an earlier run that this one does not write are removed. Gives the paths in the order written.
 pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBuf>, ReportError> {
     let mut paths = vec![folder.write("result.json", json(run))?];
     if let (Some(first), Some(last)) = (run.epochs.first(), run.epochs.last()) {
@@ -90,5 +154,6 @@ pub fn write_all(run: &Run, folder: &OutputDir, page: bool) -> Result<Vec<PathBu
     if page {
         paths.push(folder.write("report.html", html(run)?)?);
     }
+    folder.remove_others(&paths)?;
     Ok(paths)
 }

@@ -35,7 +35,9 @@ pub fn geojson(run: &Run) -> String {
         let point = map_point(&Geodetic::from_ecef(&fix.position_m));
         features.push(feature(Geometry::new_point(point), properties));
     }
-    let collection = FeatureCollection { bbox: None, features, foreign_members: None };
+    let generator = concat!("sdr-rx ", env!("CARGO_PKG_VERSION"));
+    let foreign = serde_json::Map::from_iter([("generator".to_owned(), generator.into())]);
+    let collection = FeatureCollection { bbox: None, features, foreign_members: Some(foreign) };
     GeoJson::FeatureCollection(collection).to_string() + "\n"
 }
 

@@ -14,7 +14,7 @@ pub fn kml(run: &Run) -> String {
     );
     let name = escape(run.capture);
     let _ = writeln!(text, "<name>{name}</name>");
-    text += "<description>Heights are above the WGS 84 ellipsoid.</description>\n";
+    text += "<description>By sdr-rx. Heights are above the WGS 84 ellipsoid.</description>\n";
     if let Some(summary) = Summary::new(run.fixes, run.input.rate_hz()) {
         let _ = writeln!(
             text,

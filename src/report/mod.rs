@@ -25,7 +25,7 @@ pub use accuracy::{Accuracy, Reference};
 pub use array_sky::array_sky_table;
 pub use error::ReportError;
 pub use events::{event_line, events_start};
-pub use files::{OutputDir, write_all, write_atomically, write_check};
+pub use files::{OutputDir, is_ours, write_all, write_atomically, write_check};
 pub use geojson::geojson;
 pub use heat_map::HeatMap;
 pub use html::html;

@@ -89,7 +89,13 @@ pub fn fix_table(run: &Run) -> String {
         );
     }
     let needed = run.first_fix_s.unwrap_or(s.first_fix_s);
-    line("first fix", format!("from the first {needed:.2} s of signal"));
+    line(
+        "first fix",
+        match run.input {
+            Input::Samples(_) => format!("from the first {needed:.2} s of signal"),
+            _ => format!("{needed:.2} s after the first epoch"),
+        },
+    );
     line("last fix", last.time.utc_iso());
     if let Some(search) = last.time_search {
         line(

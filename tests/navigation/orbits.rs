@@ -125,7 +125,7 @@ fn every_observation_file_is_read_whole() -> Tested {
 
 /// The heads of real files with a few bytes changed, doubled or missing: an error or epochs, and no panic.
 #[test]
-fn mutilated_real_files_are_read_or_refused() -> Tested {
+fn mutilated_real_files_are_read_but_for_what_is_broken() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     for (name, ..) in OBSERVATION_FILES {
@@ -145,8 +145,9 @@ fn mutilated_real_files_are_read_or_refused() -> Tested {
             let read = ObservationReader::new(&bytes[..], "x").map(|reader| reader.last());
             refused += usize::from(!matches!(read, Ok(Some(Ok(_)))));
         }
-        // Most break something: a file whose end is cut inside a record at least.
-        if refused < 100 {
+        // Only what breaks the header's first line, or its types of observations, refuses the file: 1 to 5 changes in some
+        // hundred of 12 000 bytes, or a cut in the header's 1000 to 3000.
+        if refused > 100 {
             return Err(format!("{name}: {refused} of 300 were refused").into());
         }
     }

@@ -142,7 +142,7 @@ fn a_pipe_gives_a_line_a_fix_in_time_and_the_record_of_the_file() -> Tested {
     let record = folder.path().join("record.json").display().to_string();
     let mut child = Command::new(env!("CARGO_BIN_EXE_sdr-rx"))
         .args(tokyo("-"))
-        .args(["--json", &record])
+        .arg(format!("--json={record}"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())

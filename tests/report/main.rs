@@ -4,5 +4,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod formats;
+mod outputs;
 mod programs;
 mod scene;

@@ -12,6 +12,7 @@ use super::error::wrong;
 use super::file_source::Description;
 use super::lane::Data;
 use super::number::Number;
+use super::options::check_rate;
 use super::{CaptureError, Note, OpenOptions, SampleFormat};
 use crate::gnss::signal::L1_CENTRE_HZ;
 use std::path::{Path, PathBuf};
@@ -87,9 +88,10 @@ fn interpret(
         return Err(wrong(path, "core:num_channels", format!("{channels} is not in 1 to 1024")));
     }
     if let Some(rate) = global.sample_rate
-        && !(rate.is_finite() && rate > 0.0)
+        && check_rate(rate).is_err()
     {
-        return Err(wrong(path, "core:sample_rate", format!("{rate} is no positive number")));
+        let reason = format!("{rate} is no rate of a converter: above 0, at most 1e10");
+        return Err(wrong(path, "core:sample_rate", reason));
     }
     let mut notes = Vec::new();
     let first = metadata.captures.first().cloned().unwrap_or_default();

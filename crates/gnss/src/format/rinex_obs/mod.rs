@@ -19,7 +19,7 @@ mod tests;
 mod write;
 
 pub use header::ObservationHeader;
-pub use write::{file_name, write};
+pub use write::{file_name, is_file_name, write};
 
 use crate::format::records::{LeftOut, Line, compressed, is_compressed, plain};
 #[cfg(doc)]

@@ -52,6 +52,11 @@ pub fn file_name(first: GpsTime, last: GpsTime, epochs: usize) -> String {
     format!("SDRX00XXX_S_{year:04}{day:03}{hour:02}{minute:02}_{duration}_{spacing}_MO.rnx")
 }
 
+/// Whether a name is one that [`file_name`] gives.
+pub fn is_file_name(name: &str) -> bool {
+    name.starts_with("SDRX00XXX_S_") && name.ends_with("_MO.rnx")
+}
+
 /// Two digits and a unit: seconds, minutes or hours; hertz below a second; 00U if unknown.
 fn period(seconds: f64) -> String {
     match seconds {
