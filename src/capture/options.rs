@@ -49,7 +49,7 @@ impl OpenOptions {
             check_rate(rate)?;
         }
         match self {
-            Self { if_hz: Some(f), .. } if !(f.abs() <= MAX_RATE_HZ) => {
+            Self { if_hz: Some(f), .. } if f.is_nan() || f.abs() > MAX_RATE_HZ => {
                 Err(CaptureError::BadIf(*f))
             }
             Self { channels: Some(n), .. } if !(1..=1024).contains(n) => {

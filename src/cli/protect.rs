@@ -86,7 +86,9 @@ mod tests {
         let capture = file("a.cs8", "samples")?;
         let ours = file("r.json", "{\"schema\":\"sdr-rx/1\"}")?;
         let new = folder.path().join("new.json");
-        let refused = |output: &Path, force| protect([output], &[capture.clone()], force).is_err();
+        let refused = |output: &Path, force| {
+            protect([output], std::slice::from_ref(&capture), force).is_err()
+        };
         assert!(refused(&capture, false) && refused(&capture, true));
         assert!(!refused(&ours, false) && !refused(&new, false));
         let other = file("notes.txt", "mine")?;

@@ -135,7 +135,7 @@ fn damage(text: &str, kind: usize, rng: &mut ChaCha8Rng) -> String {
         9 => lines[at] += &" ".repeat(200),
         k => lines[at] = put(&lines[at], WORDS[k - 10]),
     }
-    lines.join(if kind % 7 == 0 { "\r\n" } else { "\n" })
+    lines.join(if kind.is_multiple_of(7) { "\r\n" } else { "\n" })
 }
 
 /// Damage of one place touches an epoch or two of a file (of version 2 all of its satellites), or a record or two: the

@@ -51,7 +51,7 @@ impl Envelope {
             (0..VARIANCES).map(|k| smallest * 2f64.powf(k as f64 / 2.0)).collect();
         let mut shares = vec![1.0 / VARIANCES as f64; VARIANCES];
         for _ in 0..ROUNDS {
-            let mut sums = vec![0.0; VARIANCES];
+            let mut sums = [0.0; VARIANCES];
             let (mut moment, mut weight) = (0.0, 0.0);
             for r in &radii {
                 let posterior = posterior(&shares, &variances, (r - radius).powi(2));
