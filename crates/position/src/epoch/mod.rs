@@ -90,11 +90,14 @@ pub fn candidates<'a>(
     let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
     let mut cold_start = cold_start_of_most(&adjustment, &sightings, options.solver, trace)?;
     let mut hypotheses = hypotheses(adjustment, &sightings, &cold_start.state);
-    if !hypotheses.explain() && options.solver != Solver::Best && cold_start.start.failed.is_none()
-    {
+    let is_open = !hypotheses.agree() && options.solver != Solver::Best;
+    if is_open && cold_start.start.failed.is_none() && !hypotheses.explain() {
+        // From the same region the hypotheses are the same.
+        let is_elsewhere = |cold: &ColdStart| (cold.state.x - cold_start.state.x).norm() > REGION_M;
         let other = cold_start_of_most(&adjustment, &sightings, Solver::Best, trace);
-        let tried = other.map(|cold| (self::hypotheses(adjustment, &sightings, &cold.state), cold));
-        if let Some((others, mut cold)) = tried.ok().filter(|(others, _)| others.explain()) {
+        let tried = other.ok().filter(is_elsewhere);
+        let tried = tried.map(|cold| (self::hypotheses(adjustment, &sightings, &cold.state), cold));
+        if let Some((others, mut cold)) = tried.filter(|(others, _)| others.explain()) {
             cold.start.iterations += cold_start.start.iterations;
             cold.start.failed = Some(FailedStart {
                 solver: options.solver.name(),
@@ -405,6 +408,8 @@ fn fix(
     }
 }
 
+/// From places nearer to each other than this, m, the full model comes to the same ones.
+const REGION_M: f64 = 50e3;
 /// Places farther apart than this are two, m.
 const DISTINCT_M: f64 = 1e3;
 
