@@ -386,3 +386,29 @@ fn an_unfinished_recording_leaves_no_file() {
     drop(writer);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
+
+/// Dialects of SigMF: a byte order mark, times with an offset, empty or without a time of day, extensions as an object.
+/// The samples are the same.
+#[test]
+fn dialects_of_sigmf_are_read_and_what_is_no_time_is_told() {
+    let Some(data) = std::env::var_os("SDR_RX_DATA").map(std::path::PathBuf::from) else {
+        println!("SDR_RX_DATA is not set: files of others are not read");
+        return;
+    };
+    let folder = data.join("cases/17-sigmf-dialects");
+    let read = |name: &str| {
+        let path = folder.join(format!("{name}.sigmf-meta"));
+        let mut source = capture::open(&[path], &OpenOptions::default()).expect(name);
+        let mut block = Block::default();
+        source.read(&mut block, 1000).expect(name);
+        (source.info().start_time, source.notes().len(), block)
+    };
+    let (time, notes, samples) = read("base");
+    assert!(time.is_some() && notes == 0);
+    for name in ["bom", "extobj", "dt_offset"] {
+        assert_eq!(read(name), (time, 0, samples.clone()), "{name}");
+    }
+    for name in ["dt_date", "dt_empty"] {
+        assert_eq!(read(name), (None, 1, samples.clone()), "{name}");
+    }
+}

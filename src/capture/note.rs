@@ -81,6 +81,13 @@ pub enum Note {
     },
     /// SigMF metadata state no frequency; the L1 carrier is taken to lie at 0 Hz.
     NoFrequency(PathBuf),
+    /// The time of the first sample is none, and is taken as unknown.
+    NoTime {
+        /// The metadata.
+        path: PathBuf,
+        /// What stands there.
+        text: String,
+    },
     /// Not all streams of ION metadata are read.
     Streams {
         /// Those that are read.
@@ -160,6 +167,11 @@ impl fmt::Display for Note {
             Self::NoFrequency(path) => write!(
                 f,
                 "'{}' states no core:frequency: the L1 carrier is taken to lie at 0 Hz",
+                path.display()
+            ),
+            Self::NoTime { path, text } => write!(
+                f,
+                "'{}': core:datetime '{text}' is no time such as 2021-12-02T08:47:00Z: it is taken as unknown",
                 path.display()
             ),
             Self::Streams { read, offered } => {

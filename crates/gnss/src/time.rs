@@ -57,6 +57,13 @@ impl GpsTime {
         Self::from_calendar(year, month, day, hour, minute, second) + leap as f64
     }
 
+    /// From a day of UTC, counted from 1970-01-01, and seconds after its midnight, of any number.
+    fn from_utc_day(day: i64, second: f64) -> Self {
+        let day = day + (second / 86_400.0).floor() as i64;
+        let (year, month, date) = civil_from_days(day);
+        Self::from_utc(year, month, date, 0, 0, second.rem_euclid(86_400.0))
+    }
+
     /// Full week number since 1980-01-06.
     pub fn week(self) -> i32 {
         self.seconds.div_euclid(SECONDS_PER_WEEK) as i32
@@ -186,7 +193,24 @@ impl FromStr for GpsTime {
                 (0..10_000).contains(&week) && (0.0..SECONDS_PER_WEEK as f64).contains(&tow);
             return if in_range { Ok(Self::from_week_tow(week, tow)) } else { Err(fail()) };
         }
+        if let Some(since_1970_s) = text.parse().ok().filter(|s| UNIX_TIMES_S.contains(s)) {
+            return Ok(Self::from_utc_day(0, since_1970_s));
+        }
         let (date, time) = text.trim_end_matches('Z').split_once(['T', ' ']).ok_or_else(fail)?;
+        // An offset of local time from UTC, as in 09:30:00+01:00.
+        let (time, ahead_s) = match time.rfind(['+', '-']) {
+            None => (time, 0.0),
+            Some(at) => {
+                let (hours, minutes) = time[at + 1..].split_once(':').ok_or_else(fail)?;
+                let hours: u32 = hours.parse().map_err(|_| fail())?;
+                let minutes: u32 = minutes.parse().map_err(|_| fail())?;
+                if hours > 14 || minutes > 59 {
+                    return Err(fail());
+                }
+                let sign = if time.as_bytes()[at] == b'+' { 1.0 } else { -1.0 };
+                (&time[..at], sign * f64::from(3600 * hours + 60 * minutes))
+            }
+        };
         let date: Vec<u32> =
             date.split('-').map(str::parse).collect::<Result<_, _>>().map_err(|_| fail())?;
         let clock: Vec<&str> = time.split(':').collect();
@@ -207,9 +231,16 @@ impl FromStr for GpsTime {
         if !known_day || hour > 23 || minute > 59 || !(0.0..61.0).contains(&second) {
             return Err(fail());
         }
-        Ok(Self::from_utc(year as i32, month, day, hour, minute, second))
+        if ahead_s == 0.0 {
+            return Ok(Self::from_utc(year as i32, month, day, hour, minute, second));
+        }
+        let of_day = f64::from(3600 * hour + 60 * minute) + second - ahead_s;
+        Ok(Self::from_utc_day(days_from_civil(year as i32, month, day), of_day))
     }
 }
+
+/// Seconds since 1970 that are taken for a time: of 1980 to 2200.
+const UNIX_TIMES_S: std::ops::Range<f64> = 315_964_800.0..7_258_118_400.0;
 
 /// Days since 1970-01-01 of a proleptic Gregorian date.
 fn days_from_civil(year: i32, month: u32, day: u32) -> i64 {
@@ -289,6 +320,24 @@ mod tests {
             "2190:700000",
             "2021-12-02T25:00:00Z",
         ] {
+            assert!(text.parse::<GpsTime>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn offsets_from_utc_and_seconds_since_1970_are_times() {
+        let time: GpsTime = "2017-01-01T00:30:00Z".parse().unwrap();
+        // 1 483 230 600 by `date -u -d 2017-01-01T00:30:00 +%s`.
+        for text in [
+            "2017-01-01T01:30:00+01:00",
+            "2016-12-31T18:45:00.000000-05:45",
+            "2017-01-01T00:30:00+00:00",
+            "1483230600",
+            "1483230600.0",
+        ] {
+            assert_eq!(text.parse::<GpsTime>(), Ok(time), "{text}");
+        }
+        for text in ["2017-01-01T01:30:00+1", "2017-01-01T01:30:00+99:00", "12345"] {
             assert!(text.parse::<GpsTime>().is_err(), "{text}");
         }
     }

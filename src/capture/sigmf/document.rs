@@ -49,7 +49,12 @@ pub struct Global {
     #[serde(rename = "core:metadata_only", skip_serializing_if = "Option::is_none")]
     pub metadata_only: Option<bool>,
     /// Extensions in use.
-    #[serde(rename = "core:extensions", default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(
+        rename = "core:extensions",
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "extensions"
+    )]
     pub extensions: Vec<Extension>,
     /// Elements of the antenna array, in this file and others.
     #[serde(rename = "spatial:num_elements", skip_serializing_if = "Option::is_none")]
@@ -103,6 +108,21 @@ pub struct Extension {
     pub version: String,
     /// Whether the recording can be read without knowing it.
     pub optional: bool,
+}
+
+/// Extensions as a list of objects, or as older versions have them, an object of versions by name; of anything else none.
+fn extensions<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Vec<Extension>, D::Error> {
+    use serde_json::Value;
+    let named = |(name, version): (String, Value)| Extension {
+        name,
+        version: version.as_str().unwrap_or_default().to_owned(),
+        optional: true,
+    };
+    Ok(match Value::deserialize(d)? {
+        Value::Array(all) => all.into_iter().flat_map(serde_json::from_value).collect(),
+        Value::Object(all) => all.into_iter().map(named).collect(),
+        _ => Vec::new(),
+    })
 }
 
 /// Position of an element.

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// [`CaptureError::Metadata`] with line and column.
 pub fn parse(text: &str, path: &Path) -> Result<Metadata, CaptureError> {
-    serde_json::from_str(text).map_err(|e| CaptureError::Metadata {
+    serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|e| CaptureError::Metadata {
         path: path.to_owned(),
         line: e.line(),
         column: e.column(),
@@ -50,7 +50,15 @@ pub(super) fn describe(path: &Path, options: &OpenOptions) -> Result<Description
         .map_err(|cause| CaptureError::Open { path: meta_path.clone(), cause })?;
     let metadata = parse(&String::from_utf8_lossy(&bytes), &meta_path)?;
     let data_path = match &metadata.global.dataset {
-        Some(name) => meta_path.with_file_name(name),
+        Some(name) if Path::new(name).file_name().is_some_and(|last| last == name.as_str()) => {
+            meta_path.with_file_name(name)
+        }
+        Some(name) => {
+            let reason = format!(
+                "'{name}' is not beside the metadata: name the data file itself, with its type and rate"
+            );
+            return Err(wrong(&meta_path, "core:dataset", reason));
+        }
         None => meta_path.with_extension("sigmf-data"),
     };
     let described = interpret(&metadata, &meta_path, data_path.clone())?;
@@ -108,7 +116,13 @@ fn interpret(
     }
     let start_time = match &first.datetime {
         None => None,
-        Some(text) => Some(text.parse().map_err(|e| wrong(path, "core:datetime", format!("{e}")))?),
+        Some(text) => {
+            let time = text.parse().ok();
+            if time.is_none() {
+                notes.push(Note::NoTime { path: path.to_owned(), text: text.clone() });
+            }
+            time
+        }
     };
     let offset = first.header_bytes.unwrap_or(0);
     Ok(Description {
