@@ -26,9 +26,9 @@ use std::process::ExitCode;
 /// Epochs that are read and then solved together, on all processors.
 const CHUNK: usize = 256;
 
-/// Positions from RINEX observations (versions 2 to 4; GPS and QZSS L1 C/A)
+/// Positions from RINEX observations (versions 2 to 4, compact or not; GPS and QZSS L1 C/A)
 ///
-/// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. What `sdr-rx process
+/// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. Files may be packed by gzip or compress. What `sdr-rx process
 /// signals/static_8sv.toml --out fix` writes are such files:
 ///
 /// Example: sdr-rx solve fix/SDRX00XXX_S_20220010200_39S_01S_MO.rnx fix/navigation.rnx
@@ -156,6 +156,13 @@ impl Solve {
         for path in &self.navigation {
             let file = rinex_nav::read(path)?;
             warnings.extend(file.left_out.kinds().iter().map(ToString::to_string));
+            if file.data.is_empty() {
+                warnings.push(format!(
+                    "{}: no ephemeris of GPS or QZSS is in it; {} records of other systems were skipped",
+                    path.display(),
+                    file.skipped
+                ));
+            }
             navigation.merge(file.data);
         }
         for path in &self.sp3 {

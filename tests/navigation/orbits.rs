@@ -123,14 +123,14 @@ fn every_observation_file_is_read_whole() -> Tested {
     Ok(())
 }
 
-/// The heads of real files with a few bytes changed, doubled or missing: an error or epochs, and no panic.
+/// The heads of real files with a few bytes changed, doubled or missing: epochs or an error, and no panic. What must be
+/// read of them, and named, is proved where the damage is known (`crates/gnss/tests/damaged_files.rs`).
 #[test]
-fn mutilated_real_files_are_read_but_for_what_is_broken() -> Tested {
+fn mutilated_real_files_never_panic() -> Tested {
     let Some(folder) = data() else { return Ok(()) };
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     for (name, ..) in OBSERVATION_FILES {
         let head: Vec<u8> = std::fs::read(folder.join("obs").join(name))?[..12_000].to_vec();
-        let mut refused = 0;
         for _ in 0..300 {
             let mut bytes = head.clone();
             for _ in 0..rng.random_range(1..6) {
@@ -142,13 +142,7 @@ fn mutilated_real_files_are_read_but_for_what_is_broken() -> Tested {
                     _ => bytes.truncate(at.max(100)),
                 }
             }
-            let read = ObservationReader::new(&bytes[..], "x").map(|reader| reader.last());
-            refused += usize::from(!matches!(read, Ok(Some(Ok(_)))));
-        }
-        // Only what breaks the header's first line, or its types of observations, refuses the file: 1 to 5 changes in some
-        // hundred of 12 000 bytes, or a cut in the header's 1000 to 3000.
-        if refused > 100 {
-            return Err(format!("{name}: {refused} of 300 were refused").into());
+            let _ = ObservationReader::new(&bytes[..], "x").map(|reader| reader.last());
         }
     }
     Ok(())

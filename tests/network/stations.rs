@@ -19,7 +19,7 @@ fn two_real_stations_find_the_same_biases_of_the_satellites() -> Tested {
     let navigation = rinex_nav::read(folder.join("base.nav"))?.data;
     let options = CodeOptions::default();
     let read = |name| station_epochs(&folder.join(name), &navigation, None, &options);
-    let stations = [read("base.obs")?, read("rover.obs")?];
+    let stations = [read("base.obs")?.epochs, read("rover.obs")?.epochs];
     let [base, rover] = stations.each_ref().map(satellites);
     let all = satellites(stations.iter().flatten());
     let names = |list: &[Sv]| list.iter().map(Sv::to_string).collect::<Vec<_>>().join(" ");

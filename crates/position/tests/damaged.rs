@@ -1,10 +1,7 @@
-//! Files of others, damaged as files are: what is whole is used, and what is not is named.
+//! Files that others reported: what is whole is used, and what is not is named.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sdr_rx_gnss::NavigationData;
 use sdr_rx_gnss::coordinates::Geodetic;
-use sdr_rx_gnss::format::rinex_obs::ObservationReader;
 use sdr_rx_gnss::format::{LeftOut, rinex_nav, rinex_obs, sp3};
 use sdr_rx_position::{Fix, PositioningOptions, solve_epoch};
 use std::error::Error;
@@ -42,8 +39,8 @@ fn solved(
     Ok((fixes, reader.left_out().clone()))
 }
 
-/// Files computed for one place without noise, as RTKLIB solves them to a millimetre: whatever is wrong in them, two fixes
-/// at least of the four epochs (of two where there are two) are there.
+/// Files computed for one place without noise. Of their epochs RTKLIB solves all four of most, three of one that is cut, two
+/// of one that counts wrongly and of those with two; of the navigation files it has all satellites but the bad one.
 #[test]
 fn one_bad_record_loses_one_record() -> Result<(), Box<dyn Error>> {
     let Some(cases) = data().map(|data| data.join("cases")) else { return Ok(()) };
@@ -53,7 +50,10 @@ fn one_bad_record_loses_one_record() -> Result<(), Box<dyn Error>> {
         let file = rinex_nav::read(nav)?;
         let (fixes, left_out) = solved(observations, &file.data)?;
         let name = format!("{} {}", observations.display(), nav.display());
-        assert!(fixes.len() >= 2, "{name}: {} fixes", fixes.len());
+        let of_two = name.contains("count1more3") || name.contains("12-negative");
+        let least = if of_two { 2 } else { 3 + usize::from(!name.contains("trunc3.rnx")) };
+        assert!(fixes.len() >= least, "{name}: {} fixes", fixes.len());
+        assert!(file.data.iter().count() >= 8, "{name}: {} satellites", file.data.iter().count());
         for fix in &fixes {
             let error_m = (fix.position_m - truth).norm();
             assert!(error_m < 0.01, "{name}: {error_m} m");
@@ -88,6 +88,29 @@ fn one_bad_record_loses_one_record() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// A file cut within its last position: all other positions are read, and it is not used with half a number.
+#[test]
+fn a_cut_table_of_orbits_keeps_what_came_before() -> Result<(), Box<dyn Error>> {
+    let Some(data) = data() else { return Ok(()) };
+    let path = data.join("cases/09-one-record-loses-the-file/trunc.sp3");
+    if !path.exists() {
+        println!("{} is not there", path.display());
+        return Ok(());
+    }
+    let text = std::fs::read_to_string(&path)?;
+    let whole = text.lines().filter(|line| line.starts_with("PG")).count() - 1;
+    let file = sp3::read(&path)?;
+    let read: usize = file.orbits.values().map(|orbit| orbit.points().len()).sum();
+    // Positions that are not known stand there as zeros.
+    let zeros = text.lines().filter(|l| {
+        l.starts_with("PG") && l.contains("      0.000000      0.000000      0.000000")
+    });
+    assert_eq!(read, whole - zeros.count());
+    let [kind] = file.left_out.kinds() else { return Err("one kind".into()) };
+    assert!(kind.count == 1 && kind.first.contains("a coordinate is missing"), "{kind}");
+    Ok(())
+}
+
 #[test]
 fn orbits_of_too_few_points_are_told() -> Result<(), Box<dyn Error>> {
     let Some(data) = data() else { return Ok(()) };
@@ -101,77 +124,5 @@ fn orbits_of_too_few_points_are_told() -> Result<(), Box<dyn Error>> {
         let error = solve_epoch(&epoch, &nav, &PositioningOptions::default()).unwrap_err();
         assert!(error.to_string().contains("11 are needed"), "{error}");
     }
-    Ok(())
-}
-
-/// One of forty kinds of damage at a random place.
-fn damage(text: &str, kind: usize, rng: &mut ChaCha8Rng) -> String {
-    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    let body = lines.iter().position(|l| l.contains("END OF HEADER")).map_or(0, |k| k + 1);
-    let from = if kind < 30 { body } else { 0 };
-    let at = rng.random_range(from..lines.len().max(from + 1)).min(lines.len() - 1);
-    let column = rng.random_range(0..lines[at].len().max(1));
-    let other = rng.random_range(0..lines.len());
-    let put = |line: &str, with: &str| {
-        let mut bytes: Vec<u8> = line.bytes().collect();
-        for (k, b) in with.bytes().enumerate() {
-            if let Some(place) = bytes.get_mut(column + k) {
-                *place = b;
-            }
-        }
-        String::from_utf8_lossy(&bytes).into_owned()
-    };
-    const WORDS: [&str; 10] = ["NaN", "9", "-", "*****", ">", "G", "  ", "1e99", "\0", "\u{1a}"];
-    match kind % 20 {
-        0 => drop(lines.remove(at)),
-        1 => lines.insert(at, lines[other].clone()),
-        2 => lines.swap(at, other),
-        3 => lines.truncate(at + 1),
-        4 => lines[at].truncate(column),
-        5 => lines.insert(at, "> junk".into()),
-        6 => lines.insert(at, format!("{:60}COMMENT", "here")),
-        7 => lines[at] = lines[at].chars().rev().collect(),
-        8 => lines[at].clear(),
-        9 => lines[at] += &" ".repeat(200),
-        k => lines[at] = put(&lines[at], WORDS[k - 10]),
-    }
-    lines.join(if kind.is_multiple_of(7) { "\r\n" } else { "\n" })
-}
-
-/// Damage of one place touches an epoch or two of a file (of version 2 all of its satellites), or a record or two: the
-/// rest is read. Where it is the header's that everything needs, the file is refused with a reason.
-#[test]
-fn forty_kinds_of_damage_lose_what_they_touch() -> Result<(), Box<dyn Error>> {
-    let Some(data) = data() else { return Ok(()) };
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let folders = ["obs/matrtklib-static", "obs/gps-sdr-sim-rtk", "nav"].map(|n| data.join(n));
-    let all = folders.iter().flat_map(|f| files(f, &[".obs", ".nav", ".22n", ".sp3"]));
-    let mut count = 0;
-    for path in all {
-        let text = String::from_utf8_lossy(&std::fs::read(&path)?).into_owned();
-        // The first thousand lines serve.
-        let text: String = text.lines().take(1000).map(|l| format!("{l}\n")).collect();
-        let epochs = |text: &str| {
-            let mut reader = ObservationReader::new(text.as_bytes(), "x").ok()?;
-            let read = reader.by_ref().filter_map(Result::ok).count();
-            Some((read, !reader.left_out().kinds().is_empty()))
-        };
-        let records = |text: &str| {
-            let file = rinex_nav::parse(text, "x").ok()?;
-            Some((file.data.iter().count() + file.skipped, !file.left_out.kinds().is_empty()))
-        };
-        let read: &dyn Fn(&str) -> Option<(usize, bool)> =
-            if path.extension().is_some_and(|e| e == "obs") { &epochs } else { &records };
-        let (whole, _) = read(&text).ok_or("not read")?;
-        for kind in 0..40 {
-            let damaged = damage(&text, kind, &mut rng);
-            let is_cut = kind % 20 == 3;
-            if let Some((left, _)) = read(&damaged).filter(|_| kind < 30 && !is_cut) {
-                assert!(left + 3 >= whole, "{path:?}, damage {kind}: {left} of {whole}");
-                count += 1;
-            }
-        }
-    }
-    println!("{count} damaged files");
     Ok(())
 }

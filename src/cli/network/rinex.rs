@@ -2,7 +2,7 @@
 
 use super::files::Network;
 use anyhow::ensure;
-use sdr_rx::gnss::format::rinex_nav;
+use sdr_rx::gnss::format::{LeftOut, rinex_nav};
 use sdr_rx::gnss::{NavigationData, Sv};
 use sdr_rx::network::code_bias::{Carriers, elevation_weight};
 use sdr_rx::network::file::rinex::{CodeOptions, StationEpoch, satellites, station_epochs};
@@ -65,11 +65,16 @@ pub fn run(args: &Rinex) -> anyhow::Result<ExitCode> {
     };
     let mut navigation = NavigationData::default();
     for path in &args.nav {
-        navigation.merge(rinex_nav::read(path)?.data);
+        let file = rinex_nav::read(path)?;
+        warn(&file.left_out);
+        navigation.merge(file.data);
     }
-    let stations: Vec<Vec<StationEpoch>> = (args.observations.iter())
-        .map(|path| station_epochs(path, &navigation, None, &options))
-        .collect::<Result<_, _>>()?;
+    let mut stations: Vec<Vec<StationEpoch>> = Vec::new();
+    for path in &args.observations {
+        let file = station_epochs(path, &navigation, None, &options)?;
+        warn(&file.left_out);
+        stations.push(file.epochs);
+    }
     let parameters = satellites(stations.iter().flatten());
     let names = args.observations.iter().map(|path| {
         let stem = path.file_stem().unwrap_or(path.as_os_str());
@@ -85,6 +90,11 @@ pub fn run(args: &Rinex) -> anyhow::Result<ExitCode> {
         base_port: args.base_port,
     }
     .write(&args.folder)
+}
+
+/// Names what was left out of a file.
+fn warn(left_out: &LeftOut) {
+    left_out.kinds().iter().for_each(|kind| eprintln!("warning: {kind}"));
 }
 
 /// A station's whole file: the weighted mean of each satellite's combinations, with the assumption of white

@@ -1,7 +1,10 @@
 //! Lines with fixed columns, as in RINEX, SP3 and element sets, and their errors.
 
+use super::unpack::{MOST_TEXT_BYTES, bounded, is_damage, unpack};
 use crate::GpsTime;
 use std::fmt;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Why a file cannot be read.
@@ -56,6 +59,9 @@ impl fmt::Display for LeftOutKind {
     }
 }
 
+/// What is left out where a packed file ends early or is damaged.
+pub(crate) const NOT_UNPACKED: &str = "ends of packed files left out";
+
 impl LeftOut {
     pub(crate) fn add(&mut self, what: &'static str, error: &ReadError) {
         match self.kinds.iter_mut().find(|kind| kind.what == what) {
@@ -64,44 +70,61 @@ impl LeftOut {
         }
     }
 
+    /// Adds what cannot be unpacked.
+    pub(crate) fn add_damage(&mut self, damage: Option<&ReadError>) {
+        damage.into_iter().for_each(|error| self.add(NOT_UNPACKED, error));
+    }
+
     /// Each kind, in the order of their first lines.
     pub fn kinds(&self) -> &[LeftOutKind] {
         &self.kinds
     }
 }
 
-/// Text with lines that end in a line feed, without byte order mark, NUL and end-of-file characters (^Z).
+/// Text with lines that end in a line feed, without byte order marks, and without NUL and end-of-file characters (^Z) at
+/// the end of lines and before headers. Elsewhere they are '?', as anything beyond ASCII is, so that columns stay in place.
 pub(crate) fn plain(text: &str) -> String {
-    let text = text.trim_start_matches('\u{feff}').replace("\r\n", "\n");
-    let plain = |c: char| match c {
-        '\r' => Some('\n'),
-        '\0' | '\u{1a}' => None,
-        c if c.is_ascii() => Some(c),
-        _ => Some('?'),
-    };
-    text.chars().filter_map(plain).collect()
+    let text = text.replace("\r\n", "\n").replace('\r', "\n");
+    let lines: Vec<String> = text.split('\n').map(plain_line).collect();
+    lines.join("\n")
 }
 
-/// The whole text of a file: anything beyond ASCII (names in comments) becomes one '?', so that columns
-/// can be counted in bytes.
-pub(crate) fn read_text(format: &'static str, path: &Path) -> Result<String, ReadError> {
+fn plain_line(line: &str) -> String {
+    const ENDS: [char; 2] = ['\0', '\u{1a}'];
+    let line = line.trim_start_matches('\u{feff}').trim_end_matches(ENDS);
+    let rest = line.trim_start_matches(ENDS).trim_start_matches('\u{feff}');
+    let line = if rest.contains("VERSION / TYPE") || rest.starts_with("#") { rest } else { line };
+    line.chars().map(|c| if c.is_ascii() && !ENDS.contains(&c) { c } else { '?' }).collect()
+}
+
+/// The text of a file.
+pub(crate) struct Text {
+    /// Anything beyond ASCII (names in comments) is one '?', so that columns can be counted in bytes.
+    pub text: String,
+    /// Why the rest of the file cannot be unpacked.
+    pub damage: Option<ReadError>,
+}
+
+/// The whole text of a file, unpacked, as far as it can be.
+pub(crate) fn read_text(format: &'static str, path: &Path) -> Result<Text, ReadError> {
     let io = |source| ReadError::Io { format, path: path.to_owned(), source };
-    let bytes = std::fs::read(path).map_err(io)?;
-    if is_compressed(&bytes) {
-        return Err(compressed(format, &path.display().to_string()));
-    }
-    Ok(plain(&String::from_utf8_lossy(&bytes)))
+    let file = BufReader::new(File::open(path).map_err(io)?);
+    let unpacked = unpack(file, MOST_TEXT_BYTES).map_err(io)?;
+    let mut bytes = Vec::new();
+    let read = bounded(unpacked, MOST_TEXT_BYTES).read_to_end(&mut bytes);
+    let damage = match read {
+        Ok(_) => None,
+        Err(error) if is_damage(&error) && !bytes.is_empty() => Some(io(error)),
+        Err(error) => return Err(io(error)),
+    };
+    Ok(Text { text: plain(&String::from_utf8_lossy(&bytes)), damage })
 }
 
-/// Whether a file starts with the magic of gzip or compress.
-pub(crate) fn is_compressed(head: &[u8]) -> bool {
-    head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x1F, 0x9D])
-}
-
-/// The error of such a file.
-pub(crate) fn compressed(format: &'static str, file: &str) -> ReadError {
-    let line = Line { format, file, number: 1, text: "" };
-    line.malformed("the file is compressed", "unpack it with gzip -d first")
+/// A line in fields of `width` columns from `start` without a field that the end of the file cuts: numbers end at
+/// the last column of their field.
+pub(crate) fn whole_fields(text: &str, start: usize, width: usize) -> &str {
+    let fields = text.len().saturating_sub(start) / width;
+    text.get(..start + width * fields).unwrap_or("")
 }
 
 /// A line and its number for error messages.

@@ -5,7 +5,7 @@
 //! predicted or manoeuvre flags are skipped. Tables of points are
 //! interpolated in [`precise_orbit`](crate::orbit::precise).
 
-use crate::format::records::{LeftOut, Line, ReadError, plain, read_text};
+use crate::format::records::{LeftOut, Line, ReadError, plain, read_text, whole_fields};
 use crate::orbit::precise::{PreciseOrbit, PrecisePoint};
 use crate::{GpsTime, NavigationData, Sv};
 use nalgebra::Vector3;
@@ -14,6 +14,9 @@ use std::path::Path;
 
 /// Clocks from this value on, us, are not known (999999.999999).
 const UNKNOWN_CLOCK_US: f64 = 999_999.0;
+
+/// Distances from the Earth's centre that are believed, km: GPS has 26 600, QZSS 37 000 to 47 000.
+const RADII_KM: std::ops::Range<f64> = 20e3..50e3;
 
 /// Contents of an SP3 file.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,111 +41,177 @@ impl PreciseFile {
 /// Reads an SP3 file.
 ///
 /// # Errors
-/// When the file cannot be read, is compressed, or is no SP3 file.
+/// As [`parse`], and when the file cannot be read.
 pub fn read(path: impl AsRef<Path>) -> Result<PreciseFile, ReadError> {
     let path = path.as_ref();
-    parse(&read_text("SP3", path)?, &path.display().to_string())
+    let file = read_text("SP3", path)?;
+    let mut parsed = parse(&file.text, &path.display().to_string())?;
+    parsed.left_out.add_damage(file.damage.as_ref());
+    Ok(parsed)
 }
 
-/// Parses the text of an SP3 file; `name` stands in error messages.
+/// Parses the text of an SP3 file, or of several one after the other; `name` stands in error messages. A malformed line
+/// loses itself only, an epoch its positions.
 ///
 /// # Errors
-/// When the text is no SP3 file, its time system is not known, or all its positions are malformed.
+/// When the text is no SP3 file, or has no position of any satellite that is used.
 pub fn parse(text: &str, name: &str) -> Result<PreciseFile, ReadError> {
     let text = plain(text);
-    let mut lines = text.lines().enumerate().map(|(k, text)| Line {
-        format: "SP3",
-        file: name,
-        number: k + 1,
-        text,
+    let is_cut = !text.ends_with('\n');
+    let count = text.lines().count();
+    let lines = text.lines().enumerate().map(|(k, text)| {
+        let cut = is_cut && k + 1 == count && text.starts_with('P');
+        let text = if cut { whole_fields(text, 4, 14) } else { text };
+        Line { format: "SP3", file: name, number: k + 1, text }
     });
-    let first = lines.next().unwrap_or(Line { format: "SP3", file: name, number: 1, text: "" });
-    let version = first.columns(1, 1);
-    if first.columns(0, 1) != "#" || !matches!(version, "a" | "b" | "c" | "d") {
+    let mut lines = lines.skip_while(|line| line.text.trim().is_empty());
+    let none = Line { format: "SP3", file: name, number: 1, text: "" };
+    let first = lines.next().unwrap_or(none);
+    if !is_header(&first) {
         let right = "an SP3 file starts with '#a', '#b', '#c' or '#d'";
         return Err(first.malformed("this is no SP3 file", right));
     }
-    // Satellites and their accuracy exponents come in the same order, in lines of their own.
-    let (mut names, mut exponents) = (Vec::new(), Vec::new());
-    let mut gps_minus_file_s = None;
-    let mut points: BTreeMap<Sv, Vec<PrecisePoint>> = BTreeMap::new();
-    let mut time = None;
-    let (mut left_out, mut first_error) = (LeftOut::default(), None);
-    let mut leave_out = |what, error: ReadError| {
-        left_out.add(what, &error);
-        first_error.get_or_insert(error);
-    };
+    let mut reading = Reading::default();
     for line in lines {
+        if let Err((what, error)) = reading.take(&line) {
+            reading.left_out.add(what, &error);
+            reading.first_error.get_or_insert(error);
+        }
+    }
+    if !reading.points.is_empty() {
+        return Ok(reading.finish());
+    }
+    Err(reading.first_error.unwrap_or_else(|| {
+        let right = "a position of GPS or QZSS starts with 'PG' or 'PJ'";
+        first.malformed("no position of a satellite that is used follows", right)
+    }))
+}
+
+fn is_header(line: &Line) -> bool {
+    line.columns(0, 1) == "#" && matches!(line.columns(1, 1), "a" | "b" | "c" | "d")
+}
+
+/// A file as far as it was read.
+#[derive(Default)]
+struct Reading {
+    /// Satellites of the header, and their accuracy exponents in the same order, in lines of their own.
+    names: Vec<String>,
+    exponents: Vec<String>,
+    /// Stated accuracy by satellite, m, of files before this one.
+    accuracies_m: BTreeMap<Sv, f64>,
+    system: Option<TimeSystem>,
+    /// Time of the positions that follow, none where it is not known.
+    time: Option<GpsTime>,
+    points: BTreeMap<Sv, Vec<PrecisePoint>>,
+    skipped: usize,
+    left_out: LeftOut,
+    first_error: Option<ReadError>,
+}
+
+impl Reading {
+    /// Takes a line; where it is malformed, what is left out and why.
+    fn take(&mut self, line: &Line) -> Result<(), (&'static str, ReadError)> {
+        let columns = || (0..17).map(|k| line.columns(9 + 3 * k, 3).to_owned());
         match line.columns(0, 2) {
-            "++" => exponents.extend((0..17).map(|k| line.columns(9 + 3 * k, 3).to_owned())),
-            "+" => names.extend((0..17).map(|k| line.columns(9 + 3 * k, 3).to_owned())),
-            "%c" if gps_minus_file_s.is_none() => gps_minus_file_s = Some(time_system(&line)?),
-            "*" => match epoch(&line, gps_minus_file_s.unwrap_or(TimeSystem::Gps)) {
-                Ok(epoch) => time = Some(epoch),
-                Err(error) => {
-                    // Positions up to the next epoch have no time.
-                    time = None;
-                    leave_out("epochs left out", error);
-                }
-            },
-            "EO" if line.columns(0, 3) == "EOF" => break,
+            _ if is_header(line) => self.end_file(),
+            "++" => self.exponents.extend(columns()),
+            "+" => self.names.extend(columns()),
+            "%c" if self.system.is_none() => {
+                self.system = Some(TimeSystem::Unknown);
+                self.system = Some(time_system(line).map_err(|e| ("files left out", e))?);
+            }
+            "*" => {
+                // Positions up to the next epoch have no time where this one has none.
+                self.time = None;
+                let system = self.system.unwrap_or(TimeSystem::Gps);
+                self.time = Some(epoch(line, system).map_err(|e| ("epochs left out", e))?);
+            }
             tag if tag.starts_with('P') => {
-                let Some(sv) = satellite(line.columns(1, 3)) else { continue };
-                let at = time.ok_or_else(|| {
-                    line.malformed("a position comes before any epoch", "an epoch starts with '*'")
-                });
-                match at.and_then(|time| point(&line, time)) {
-                    Ok(Some(point)) => points.entry(sv).or_default().push(point),
-                    Ok(None) => {}
-                    Err(error) => leave_out("positions left out", error),
-                }
+                return self.position(line).map_err(|e| ("positions left out", e));
             }
             _ => {}
         }
+        Ok(())
     }
-    let listed = || names.iter().zip(exponents.iter().map(Some).chain(std::iter::repeat(None)));
-    let accuracy_m = |sv: Sv| {
-        let (_, exponent) = listed().find(|(name, _)| satellite(name) == Some(sv))?;
-        // 2^n mm, and 0 for unknown.
-        let exponent: i32 = exponent?.parse().ok().filter(|n| (1..30).contains(n))?;
-        Some(1e-3 * 2f64.powi(exponent))
-    };
-    let other =
-        |name: &&String| name.bytes().any(|b| b.is_ascii_alphabetic()) && satellite(name).is_none();
-    let skipped = names.iter().filter(other).count();
-    if let Some(error) = first_error.filter(|_| points.is_empty()) {
-        return Err(error);
+
+    fn position(&mut self, line: &Line) -> Result<(), ReadError> {
+        if self.system == Some(TimeSystem::Unknown) {
+            return Ok(());
+        }
+        let Some(sv) = satellite(line)? else { return Ok(()) };
+        let time = self.time.ok_or_else(|| {
+            line.malformed("a position comes before any epoch", "an epoch starts with '*'")
+        })?;
+        if let Some(point) = point(line, time)? {
+            self.points.entry(sv).or_default().push(point);
+        }
+        Ok(())
     }
-    let orbits = points
-        .into_iter()
-        .map(|(sv, points)| (sv, PreciseOrbit::new(points, accuracy_m(sv))))
-        .collect();
-    Ok(PreciseFile { orbits, skipped, left_out })
+
+    /// Keeps what the header of the file said that ends here.
+    fn end_file(&mut self) {
+        let exponents = std::mem::take(&mut self.exponents);
+        let mut exponents = exponents.iter();
+        for name in std::mem::take(&mut self.names) {
+            let exponent = exponents.next().and_then(|n| n.parse().ok());
+            match (known(&name), exponent.filter(|n| (1..30).contains(n))) {
+                // 2^n mm, and 0 for unknown.
+                (Some(sv), Some(n)) => drop(self.accuracies_m.insert(sv, 1e-3 * 2f64.powi(n))),
+                (None, _) if name.bytes().any(|b| b.is_ascii_alphabetic()) => self.skipped += 1,
+                _ => {}
+            }
+        }
+        (self.system, self.time) = (None, None);
+    }
+
+    fn finish(mut self) -> PreciseFile {
+        self.end_file();
+        let Self { points, accuracies_m, skipped, left_out, .. } = self;
+        let orbit = |(sv, points)| (sv, PreciseOrbit::new(points, accuracies_m.get(&sv).copied()));
+        PreciseFile { orbits: points.into_iter().map(orbit).collect(), skipped, left_out }
+    }
+}
+
+/// The satellite of a position, none of a system that is skipped.
+fn satellite(line: &Line) -> Result<Option<Sv>, ReadError> {
+    let name = line.columns(1, 3);
+    let skipped = name.starts_with(['R', 'E', 'C', 'I', 'S', 'L', 'M']);
+    match known(name) {
+        None if !skipped => {
+            let right = "a satellite such as G07 stands in columns 2 to 4";
+            Err(line.malformed(format!("'{name}' names no satellite"), right))
+        }
+        sv => Ok(sv),
+    }
 }
 
 /// `G01`, or in version a a bare number; none for other systems and for the zeros that fill lists.
-fn satellite(name: &str) -> Option<Sv> {
+fn known(name: &str) -> Option<Sv> {
     let gps_or_qzss = name.starts_with(['G', 'J']) || name.bytes().all(|b| b.is_ascii_digit());
     name.replace(' ', "0").parse().ok().filter(|_| gps_or_qzss)
 }
 
 /// The time that epochs are in.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 enum TimeSystem {
     Gps,
     Utc,
     Tai,
+    BeiDou,
+    /// One that is not known: nothing can be used up to the next header.
+    Unknown,
 }
 
 /// From the first `%c` line.
 fn time_system(line: &Line) -> Result<TimeSystem, ReadError> {
     match line.columns(9, 3) {
-        "GPS" | "GAL" | "QZS" | "ccc" | "" => Ok(TimeSystem::Gps),
+        "GPS" | "GAL" | "QZS" | "IRN" | "ccc" | "" => Ok(TimeSystem::Gps),
         "UTC" | "GLO" => Ok(TimeSystem::Utc),
         "TAI" => Ok(TimeSystem::Tai),
+        "BDT" => Ok(TimeSystem::BeiDou),
         other => Err(line.malformed(
             format!("the time system '{other}' is not known"),
-            "GPS, GAL, QZS, GLO, UTC or TAI stands in columns 10 to 12",
+            "GPS, GAL, QZS, GLO, UTC, TAI, BDT or IRN stands in columns 10 to 12",
         )),
     }
 }
@@ -150,7 +219,8 @@ fn time_system(line: &Line) -> Result<TimeSystem, ReadError> {
 fn epoch(line: &Line, system: TimeSystem) -> Result<GpsTime, ReadError> {
     let time = line.epoch(3, 4, 12)?;
     Ok(match system {
-        TimeSystem::Gps => time,
+        TimeSystem::Gps | TimeSystem::Unknown => time,
+        TimeSystem::BeiDou => time + 14.0,
         TimeSystem::Utc => {
             let (year, month, day, hour, minute, second) = time.calendar();
             GpsTime::from_utc(year, month, day, hour, minute, second)
@@ -168,10 +238,17 @@ fn point(line: &Line, time: GpsTime) -> Result<Option<PrecisePoint>, ReadError> 
         })
     };
     let position_km = Vector3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?);
+    let radius_km = position_km.norm();
+    if radius_km == 0.0 {
+        return Ok(None);
+    }
+    if !RADII_KM.contains(&radius_km) {
+        let problem = format!("a position {radius_km:.0} km from the Earth's centre");
+        return Err(line.malformed(problem, "orbits of GPS and QZSS have 20000 to 50000 km"));
+    }
     let clock_us = line.real(46, 14)?.filter(|us| us.abs() < UNKNOWN_CLOCK_US);
-    let point =
-        PrecisePoint { time, position_m: 1e3 * position_km, clock_s: clock_us.map(|us| 1e-6 * us) };
-    Ok((position_km.norm() > 0.0).then_some(point))
+    let clock_s = clock_us.map(|us| 1e-6 * us);
+    Ok(Some(PrecisePoint { time, position_m: 1e3 * position_km, clock_s }))
 }
 
 #[cfg(test)]

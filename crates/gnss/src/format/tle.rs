@@ -97,10 +97,12 @@ fn mean_sidereal_time(t: GpsTime) -> f64 {
 /// Reads a file of element sets, with or without lines of names.
 ///
 /// # Errors
-/// When the file cannot be read or an element set is malformed.
+/// When the file cannot be read or unpacked, or an element set is malformed.
 pub fn read(path: impl AsRef<Path>) -> Result<Vec<Tle>, ReadError> {
     let path = path.as_ref();
-    parse(&read_text("TLE", path)?, &path.display().to_string())
+    let file = read_text("TLE", path)?;
+    file.damage.map_or(Ok(()), Err)?;
+    parse(&file.text, &path.display().to_string())
 }
 
 /// Parses element sets: pairs of lines that start with 1 and 2, each perhaps after a line with the name;

@@ -71,6 +71,11 @@ impl PreciseOrbit {
         self.points.dedup_by(|a, b| a.time == b.time);
     }
 
+    /// The points of the table, in order of time.
+    pub fn points(&self) -> &[PrecisePoint] {
+        &self.points
+    }
+
     /// Points of the table, where they are too few to be interpolated, and how many are needed.
     pub fn too_few(&self) -> Option<(usize, usize)> {
         (self.points.len() < POINTS).then_some((self.points.len(), POINTS))

@@ -5,7 +5,7 @@ use crate::code_bias::{BiasObservation, Carriers, ReceiverBias, ZENITH_SIGMA_M, 
 use crate::{NetworkError, Normals};
 use nalgebra::Vector3;
 use sdr_rx_gnss::coordinates::azimuth_elevation;
-use sdr_rx_gnss::format::rinex_obs;
+use sdr_rx_gnss::format::{LeftOut, rinex_obs};
 use sdr_rx_gnss::orbit::Propagation;
 use sdr_rx_gnss::{GpsTime, NavigationData, ReadError, Sv};
 use std::path::{Path, PathBuf};
@@ -45,6 +45,15 @@ pub struct Combination {
     pub value_m: f64,
     /// Elevation, rad.
     pub elevation_rad: f64,
+}
+
+/// A station's file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StationFile {
+    /// In the order of the file.
+    pub epochs: Vec<StationEpoch>,
+    /// Records that do not follow the format.
+    pub left_out: LeftOut,
 }
 
 /// Observations of a station at one instant.
@@ -89,7 +98,7 @@ pub fn station_epochs(
     navigation: &NavigationData,
     position_m: Option<Vector3<f64>>,
     options: &CodeOptions,
-) -> Result<Vec<StationEpoch>, StationError> {
+) -> Result<StationFile, StationError> {
     let mut reader = rinex_obs::open(path)?;
     let position_m = position_m.or(reader.header().approximate_position_m);
     let position_m = position_m.ok_or_else(|| StationError::NoPosition(path.to_owned()))?;
@@ -117,7 +126,7 @@ pub fn station_epochs(
         let (path, signals) = (path.to_owned(), options.signals.join(", "));
         return Err(StationError::NoSatellite { path, signals });
     }
-    Ok(epochs)
+    Ok(StationFile { epochs, left_out: reader.left_out().clone() })
 }
 
 /// The satellites that stations observed, ascending: the parameters of their network.

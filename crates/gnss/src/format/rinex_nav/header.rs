@@ -50,6 +50,17 @@ impl Header {
             if lines.columns(at, 60, 20).eq_ignore_ascii_case("END OF HEADER") {
                 return Ok((header, at + 1));
             }
+            if lines.is_header(at) {
+                let right = "it ends with 'END OF HEADER'";
+                let problem = "a header starts before the last one ended";
+                return Err(lines.malformed(at, problem, right));
+            }
+            if lines.starts_record(at, version) {
+                let right = "'END OF HEADER' stands before it";
+                let error = lines.malformed(at, "a record follows the header", right);
+                left_out.add("headers without an end", &error);
+                return Ok((header, at));
+            }
             if let Err(error) = header.take(lines, at) {
                 left_out.add("lines of the header left out", &error);
             }

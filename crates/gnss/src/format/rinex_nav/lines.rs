@@ -1,12 +1,14 @@
 //! The lines of a RINEX navigation file and the records that they make up.
 
 use crate::GpsTime;
-use crate::format::records::{Line, ReadError};
+use crate::format::records::{Line, ReadError, whole_fields};
 
-/// The lines of a file, with their numbers for error messages.
+/// The lines of a file without its comments, with their numbers for error messages.
 pub struct Lines<'a> {
     pub file: &'a str,
     pub lines: Vec<&'a str>,
+    /// From 1.
+    numbers: Vec<usize>,
 }
 
 /// First line of a version 4 record: `> EPH G01 LNAV`.
@@ -24,10 +26,30 @@ impl Frame<'_> {
 }
 
 impl<'a> Lines<'a> {
+    /// The lines of a text; without a field that the end of the text cuts.
+    pub fn new(file: &'a str, text: &'a str) -> Self {
+        let mut lines: Vec<&str> = text.lines().map(str::trim_end).collect();
+        let version: f64 =
+            lines.first().and_then(|line| line.get(..9)?.trim().parse().ok()).unwrap_or(3.0);
+        if let Some(last) = lines.last_mut().filter(|_| !text.ends_with('\n')) {
+            let is_header = last.get(60..).is_some_and(|label| label.contains("HEADER"));
+            if last.starts_with("   ") && !is_header {
+                *last = whole_fields(last, if version < 3.0 { 3 } else { 4 }, 19);
+            }
+        }
+        let is_comment = |line: &str| {
+            line.get(60..).is_some_and(|label| label.trim().eq_ignore_ascii_case("COMMENT"))
+        };
+        let (numbers, lines) = (1..).zip(lines).filter(|(_, line)| !is_comment(line)).unzip();
+        Self { file, lines, numbers }
+    }
+
     /// The line at index `at`, empty beyond the last.
     pub fn line(&self, at: usize) -> Line<'a> {
         let text = self.lines.get(at).copied().unwrap_or("");
-        Line { format: "RINEX", file: self.file, number: at + 1, text }
+        // Beyond the last it is the line after it.
+        let number = self.numbers.get(at).or(self.numbers.last().map(|n| n + 1).as_ref()).copied();
+        Line { format: "RINEX", file: self.file, number: number.unwrap_or(1), text }
     }
 
     fn label_is(&self, at: usize, label: &str) -> bool {
@@ -39,8 +61,13 @@ impl<'a> Lines<'a> {
         self.label_is(at, "RINEX VERSION / TYPE")
     }
 
-    pub fn is_comment(&self, at: usize) -> bool {
-        self.label_is(at, "COMMENT")
+    /// Whether a line, of a header that lacks its end, starts a record.
+    pub fn starts_record(&self, at: usize, version: f64) -> bool {
+        match version {
+            4.0.. => self.line(at).text.starts_with("> "),
+            3.0.. => self.epoch(at, 4, 4).is_ok(),
+            _ => self.epoch(at, 3, 2).is_ok(),
+        }
     }
 
     pub fn malformed(
@@ -80,7 +107,7 @@ impl<'a> Lines<'a> {
         let indent = if version < 3.0 { 3 } else { 4 };
         let continues = |at: &usize| {
             let line = self.lines[*at];
-            if self.is_header(*at) || self.is_comment(*at) {
+            if self.is_header(*at) {
                 return false;
             }
             if version >= 4.0 {

@@ -24,8 +24,13 @@ use std::path::Path;
 /// Weeks after which the 10 bits of a week number start anew.
 const WEEKS_PER_CYCLE: i64 = 1 << 10;
 
+/// Lines of an LNAV record.
+const LINES: usize = 8;
+/// The largest user range accuracy that is sent, m.
+const WORST_URA_M: f64 = 8192.0;
+
 /// Contents of a navigation file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationFile {
     /// The format's version, such as 3.04.
     pub version: f64,
@@ -40,88 +45,95 @@ pub struct NavigationFile {
 /// Reads a RINEX navigation file.
 ///
 /// # Errors
-/// When the file cannot be read, is compressed, is no navigation file, or all its records are malformed.
+/// As [`parse`], and when the file cannot be read.
 pub fn read(path: impl AsRef<Path>) -> Result<NavigationFile, ReadError> {
     let path = path.as_ref();
-    parse(&read_text("RINEX", path)?, &path.display().to_string())
+    let file = read_text("RINEX", path)?;
+    let mut parsed = parse(&file.text, &path.display().to_string())?;
+    parsed.left_out.add_damage(file.damage.as_ref());
+    Ok(parsed)
 }
 
 /// Parses the text of a RINEX navigation file, or of several one after the other; `name` stands in error messages. A
 /// malformed record loses itself only.
 ///
 /// # Errors
-/// When the text is no RINEX navigation file, or all its records are malformed.
+/// When the text is no RINEX navigation file, or holds nothing but malformed records.
 pub fn parse(text: &str, name: &str) -> Result<NavigationFile, ReadError> {
     let text = plain(text);
-    let lines = Lines { file: name, lines: text.lines().map(str::trim_end).collect() };
-    let start = lines.lines.iter().position(|line| !line.is_empty()).unwrap_or(0);
-    let mut left_out = LeftOut::default();
-    let (header, mut at) = Header::read(&lines, start, &mut left_out)?;
-    let mut reading = Reading {
-        file: NavigationFile {
-            version: header.version,
-            data: NavigationData::default(),
-            skipped: 0,
-            left_out,
-        },
-        header,
-        utc: None,
-    };
-    reading.take_header();
-    let mut first_error = None;
-    while at < lines.lines.len() {
-        if lines.is_header(at) {
-            // Files one after the other.
-            let (header, next) = Header::read(&lines, at, &mut reading.file.left_out)?;
-            (reading.header, at) = (header, next);
-            reading.take_header();
-            continue;
-        }
-        if lines.lines[at].is_empty() || lines.is_comment(at) {
-            at += 1;
-            continue;
-        }
-        let (end, taken) = reading.record(&lines, at);
-        if let Err(error) = taken {
-            reading.file.left_out.add("records left out", &error);
-            first_error.get_or_insert(error);
-        }
-        at = end.max(at + 1);
+    let lines = Lines::new(name, &text);
+    let mut at = lines.lines.iter().position(|line| !line.is_empty()).unwrap_or(0);
+    if !lines.is_header(at) {
+        let right = "a RINEX file starts with a line that ends in 'RINEX VERSION / TYPE'";
+        return Err(lines.malformed(at, "this is no RINEX file", right));
     }
-    let Reading { mut file, header, utc } = reading;
-    file.data.utc = utc.map(|utc| header.with_leap_seconds(utc));
+    let mut reading = Reading::default();
+    while at < lines.lines.len() {
+        at = reading.take(&lines, at);
+    }
+    let Reading { mut file, header, utc, first_error } = reading;
+    file.data.utc = header.as_ref().and_then(|header| Some(header.with_leap_seconds(utc?)));
     match first_error {
-        Some(error) if file.data.iter().next().is_none() => Err(error),
+        Some(error) if header.is_none() || file.data.is_empty() && file.skipped == 0 => Err(error),
         _ => Ok(file),
     }
 }
 
 /// A file as far as it was read.
+#[derive(Default)]
 struct Reading {
     file: NavigationFile,
-    header: Header,
+    /// Of the records that follow; none as long as none could be read.
+    header: Option<Header>,
     utc: Option<UtcParameters>,
+    first_error: Option<ReadError>,
 }
 
 impl Reading {
-    /// Takes what the header holds, where it holds it.
-    fn take_header(&mut self) {
-        let Header { alpha, beta, utc, .. } = self.header;
-        let sent = alpha.zip(beta).and_then(|(a, b)| Klobuchar::sent(a, b));
-        self.file.data.ionosphere = sent.or(self.file.data.ionosphere);
-        self.utc = utc.or(self.utc);
+    /// Takes what starts at line `at`, a header, a record or nothing of interest, and gives the line after it.
+    fn take(&mut self, lines: &Lines, at: usize) -> usize {
+        if lines.is_header(at) {
+            // The first, or that of another file after it.
+            return match Header::read(lines, at, &mut self.file.left_out) {
+                Ok((header, next)) => {
+                    self.take_header(header);
+                    next
+                }
+                Err(error) => {
+                    self.leave_out("headers left out", error);
+                    at + 1
+                }
+            };
+        }
+        let Some(version) = self.header.as_ref().map(|header| header.version) else {
+            return at + 1;
+        };
+        if lines.lines[at].is_empty() {
+            return at + 1;
+        }
+        let framed = (version >= 4.0).then(|| lines.frame(at)).transpose();
+        let first = at + usize::from(matches!(framed, Ok(Some(_))));
+        let end = lines.record_end(first, version);
+        if let Err(error) = framed.and_then(|frame| self.content(lines, frame, first..end)) {
+            self.leave_out("records left out", error);
+        }
+        end.max(at + 1)
     }
 
-    /// Takes the record that starts at line `at`, and gives the line after it.
-    fn record(&mut self, lines: &Lines, at: usize) -> (usize, Result<(), ReadError>) {
-        let version = self.header.version;
-        let framed = match (version >= 4.0).then(|| lines.frame(at)).transpose() {
-            Ok(frame) => frame,
-            Err(error) => return (lines.record_end(at, version), Err(error)),
-        };
-        let first = at + usize::from(framed.is_some());
-        let end = lines.record_end(first, version);
-        (end, self.content(lines, framed, first..end))
+    fn leave_out(&mut self, what: &'static str, error: ReadError) {
+        self.file.left_out.add(what, &error);
+        self.first_error.get_or_insert(error);
+    }
+
+    /// Takes what the header holds, where it holds it.
+    fn take_header(&mut self, header: Header) {
+        let sent = header.alpha.zip(header.beta).and_then(|(a, b)| Klobuchar::sent(a, b));
+        self.file.data.ionosphere = sent.or(self.file.data.ionosphere);
+        self.utc = header.utc.or(self.utc);
+        if self.header.is_none() {
+            self.file.version = header.version;
+        }
+        self.header = Some(header);
     }
 
     fn content(
@@ -130,10 +142,11 @@ impl Reading {
         frame: Option<lines::Frame>,
         range: std::ops::Range<usize>,
     ) -> Result<(), ReadError> {
+        let Some(header) = &self.header else { return Ok(()) };
         let (first, file) = (range.start, &mut self.file);
         match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
-            None | Some(("EPH", _, "LNAV")) => match self.header.satellite(lines, first)? {
-                Some(sv) => file.data.insert(ephemeris(lines, range, sv, &self.header)?),
+            None | Some(("EPH", _, "LNAV")) => match header.satellite(lines, first)? {
+                Some(sv) => file.data.insert(ephemeris(lines, range, sv, header)?),
                 None => file.skipped += 1,
             },
             // QZSS sends coefficients of its own region, NavIC and BeiDou those of their own models.
@@ -157,6 +170,11 @@ fn ephemeris(
     header: &Header,
 ) -> Result<Ephemeris, ReadError> {
     let first = range.start;
+    let count = range.clone().filter(|at| !lines.lines[*at].is_empty()).count();
+    if count > LINES {
+        let problem = format!("the record of {sv} has {count} lines");
+        return Err(lines.malformed(first, problem, format!("it has {LINES}")));
+    }
     let (toc, column) = if header.version < 3.0 {
         (lines.epoch(first, 3, 2)?, 3)
     } else {
@@ -194,6 +212,11 @@ fn ephemeris(
                 format!("week {week} of {sv} does not go with its epoch, in week {}", toc.week());
             return Err(lines.malformed(first + 5, problem, "both are of the same week"));
         }
+    }
+    // The last line may be missing; where another is, this is the time of transmission.
+    if let Some(ura) = field(24)?.filter(|ura| count < LINES && *ura > WORST_URA_M) {
+        let problem = format!("the record of {sv} has {count} lines, and its URA is {ura} m");
+        return Err(lines.malformed(first, problem, format!("it has {LINES}")));
     }
     let fit = field(29)?.unwrap_or(0.0);
     let sent = field(28)?.filter(|tow| tow.abs() <= 2.0 * SECONDS_PER_WEEK as f64);

@@ -144,7 +144,7 @@ fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
         (edit("     2.11 ", "     9.00 "), "line 1: version 9 is not known; versions 2.10 to"),
         (
             edit("END OF HEADER", "END OF HAEDER"),
-            "the header does not end; it ends with 'END OF HEADER'",
+            "line 7: a record follows the header; 'END OF HEADER' stands before it",
         ),
         (edit("0.1211D-07", "0.12x1D-07"), "line 2: '0.12x1D-07' in columns 3 to 14 is no number"),
         (edit("  0.1192D-06", "            "), "line 2: a coefficient is missing"),

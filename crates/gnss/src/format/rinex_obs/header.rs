@@ -56,8 +56,40 @@ enum TimeSystem {
     BeiDou,
 }
 
-/// Reads up to END OF HEADER.
+/// Reads up to END OF HEADER. Of a header that is cut by another the other is read. Where one ends at an epoch, with
+/// or without what everything needs, the source stays at it (`again`).
 pub(super) fn read<R: BufRead>(
+    source: &mut Source<R>,
+    left_out: &mut LeftOut,
+) -> Result<(ObservationHeader, Signals), ReadError> {
+    loop {
+        match read_one(source, left_out) {
+            Err(error) if source.again && source.is_header() => {
+                left_out.add(HEADERS_LEFT_OUT, &error);
+            }
+            header => return header,
+        }
+    }
+}
+
+/// What is left out where a header is cut.
+pub(super) const HEADERS_LEFT_OUT: &str = "headers left out";
+
+/// What is left out where a line of the header is malformed.
+const LINES_LEFT_OUT: &str = "lines of the header left out";
+/// What is named where a header is used though it is cut.
+const HEADERS_CUT: &str = "headers without an end";
+
+/// Whether a line without the label of a header starts an epoch.
+fn starts_epoch(line: &Line, version: f64) -> bool {
+    if version >= 3.0 {
+        return line.text.starts_with("> ");
+    }
+    let count = line.integer::<usize>(29, 3);
+    line.epoch(1, 2, 11).is_ok() && matches!(line.columns(28, 1), "0" | "1") && count.is_ok()
+}
+
+fn read_one<R: BufRead>(
     source: &mut Source<R>,
     left_out: &mut LeftOut,
 ) -> Result<(ObservationHeader, Signals), ReadError> {
@@ -66,10 +98,6 @@ pub(super) fn read<R: BufRead>(
         started = source.advance()?;
     }
     let first = source.line();
-    if first.columns(60, 20).eq_ignore_ascii_case("CRINEX VERS   / TYPE") {
-        let right = "unpack it with crx2rnx first";
-        return Err(first.malformed("the file is in compact RINEX", right));
-    }
     if !started || !first.columns(60, 20).eq_ignore_ascii_case("RINEX VERSION / TYPE") {
         let right = "a RINEX file starts with a line that ends in 'RINEX VERSION / TYPE'";
         return Err(first.malformed("this is no RINEX file", right));
@@ -104,15 +132,38 @@ pub(super) fn read<R: BufRead>(
         if line.columns(60, 20).eq_ignore_ascii_case("END OF HEADER") {
             break;
         }
+        if source.is_header() {
+            let right = "it ends with 'END OF HEADER'";
+            let error = line.malformed("a header starts before the last one ended", right);
+            source.again = true;
+            return Err(error);
+        }
+        if starts_epoch(&line, version) {
+            let right = "'END OF HEADER' stands before it";
+            left_out.add(HEADERS_CUT, &line.malformed("an epoch follows the header", right));
+            source.again = true;
+            break;
+        }
         if let Err(error) = take(&mut header, &mut signals, &line) {
-            // What types of observations there are must be known.
-            if line.columns(60, 20).to_ascii_uppercase().contains("TYPES") {
+            // What types of observations there are must be known, in version 2 for all systems at once.
+            if version < 3.0
+                && signals.names.iter().all(|names| names.2.is_empty())
+                && is_types(&line)
+            {
                 return Err(error);
             }
-            left_out.add("lines of the header left out", &error);
+            left_out.add(LINES_LEFT_OUT, &error);
         }
     }
     signals.resolve();
+    for (system, count, list) in &mut signals.names {
+        if list.len() < *count {
+            let problem =
+                format!("{} types of observations of '{system}', not {count}", list.len());
+            left_out.add(LINES_LEFT_OUT, &source.line().malformed(problem, "all types are listed"));
+            *count = list.len();
+        }
+    }
     if signals.names.is_empty() {
         let right = "'# / TYPES OF OBSERV' (version 2) or 'SYS / # / OBS TYPES' lists them";
         return Err(source.line().malformed("the header names no types of observations", right));
@@ -151,17 +202,47 @@ fn three(line: &Line) -> Result<Vector3<f64>, ReadError> {
     }
 }
 
+fn is_types(line: &Line) -> bool {
+    line.columns(60, 20).to_ascii_uppercase().contains("TYPES")
+}
+
+/// Whether a name is one of a type of observation: C1 or P2, CA of version 2.12, C1C from version 3 on.
+fn is_type(name: &str) -> bool {
+    match name.as_bytes() {
+        [b'C' | b'P' | b'L' | b'D' | b'S' | b'T' | b'I' | b'X', second] => {
+            second.is_ascii_alphanumeric()
+        }
+        [b'C' | b'L' | b'D' | b'S' | b'I' | b'X', band, code] => {
+            band.is_ascii_digit() && code.is_ascii_alphabetic()
+        }
+        _ => false,
+    }
+}
+
+/// Labels of lines that say what values mean.
+const TYPES: &str = "SYS / # / OBS TYPES";
+const OLD_TYPES: &str = "# / TYPES OF OBSERV";
+const SCALE_FACTOR: &str = "SYS / SCALE FACTOR";
+const TIME_OF_FIRST: &str = "TIME OF FIRST OBS";
+
+/// Whether a label may be one of those, but cut or with tabs for blanks.
+fn is_damaged(label: &str) -> bool {
+    let plain = label.replace('\t', " ");
+    let is = |whole: &&str| *whole != label && whole.starts_with(plain.trim_end());
+    [TYPES, OLD_TYPES, SCALE_FACTOR, TIME_OF_FIRST].iter().any(is)
+}
+
 impl Signals {
     /// Takes a header line, if it concerns the fields of observations or the time system; such lines
     /// come in event records too.
     pub fn take(&mut self, line: &Line) -> Result<(), ReadError> {
         match line.columns(60, 20).to_ascii_uppercase().as_str() {
-            "# / TYPES OF OBSERV" if self.version < 3.0 => {
+            OLD_TYPES if self.version < 3.0 => {
                 let names = (0..9).map(|k| line.columns(10 + 6 * k, 2));
                 let count = line.columns(0, 6);
                 self.list(line, 'G', count, names.map(str::to_owned).collect())
             }
-            "SYS / # / OBS TYPES" if self.version >= 3.0 => {
+            TYPES if self.version >= 3.0 => {
                 let letter = line.columns(0, 1).chars().next();
                 let names = (0..13).map(|k| line.columns(7 + 4 * k, 3));
                 let system = letter.or(self.names.last().map(|n| n.0)).unwrap_or(' ');
@@ -169,7 +250,7 @@ impl Signals {
                 let count = if letter.is_some() { line.columns(3, 3) } else { "" };
                 self.list(line, system, count, names.map(str::to_owned).collect())
             }
-            "SYS / SCALE FACTOR" => {
+            SCALE_FACTOR => {
                 let names = (0..12).map(|k| line.columns(10 + 4 * k, 3).to_owned());
                 let names: Vec<String> = names.filter(|name| !name.is_empty()).collect();
                 match line.columns(0, 1).chars().next() {
@@ -189,7 +270,7 @@ impl Signals {
                 }
                 Ok(())
             }
-            "TIME OF FIRST OBS" => {
+            TIME_OF_FIRST => {
                 self.time_system = match line.columns(48, 3) {
                     "GLO" | "UTC" => TimeSystem::Utc,
                     "BDT" => TimeSystem::BeiDou,
@@ -198,7 +279,13 @@ impl Signals {
                 };
                 Ok(())
             }
-            _ => Ok(()),
+            label => match is_damaged(label) && !line.text.trim().is_empty() {
+                true => {
+                    let right = format!("a label such as '{TYPES}' stands in columns 61 to 80");
+                    Err(line.malformed(format!("'{label}' is no label"), right))
+                }
+                false => Ok(()),
+            },
         }
     }
 
@@ -222,9 +309,18 @@ impl Signals {
             let right = "the first line of a list has the number of its types";
             return Err(line.malformed("a list of types goes on that was not begun", right));
         };
-        list.extend(names.into_iter().filter(|n| !n.is_empty()));
-        list.truncate(*count);
-        Ok(())
+        // One that is blank has a field all the same.
+        let end = names.iter().rposition(|n| !n.is_empty()).map_or(0, |k| k + 1);
+        let room = count.saturating_sub(list.len());
+        let names = &names[..end.min(room)];
+        list.extend_from_slice(names);
+        match names.iter().find(|name| !is_type(&name.to_ascii_uppercase())) {
+            Some(name) => {
+                let right = "types have names such as C1 and L2, from version 3 on such as C1C";
+                Err(line.malformed(format!("'{name}' is no type of observation"), right))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Finds the fields of L1 C/A in the lists of names.

@@ -10,10 +10,16 @@
 //!
 //! Deviations of real files are accepted: labels in any case, D exponents, CRLF, comments between any lines,
 //! missing trailing fields, event records and cycle-slip records, files one after the other. A malformed record loses
-//! itself only: it is counted, and named by file, line and what is valid.
+//! itself only: it is counted, and named by file, line and what is valid. Compact (Hatanaka) files, and files that gzip or
+//! compress packed, are read as what they are made of.
+//!
+//! Stored values are divided by `SYS / SCALE FACTOR`. `SYS / PHASE SHIFT` says what the writer has added already, and is 0
+//! for L1 C/A, to which phases of other signals are aligned.
 
+mod compact;
 mod header;
 mod records;
+mod source;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -21,19 +27,23 @@ mod write;
 pub use header::ObservationHeader;
 pub use write::{file_name, is_file_name, write};
 
-use crate::format::records::{LeftOut, Line, compressed, is_compressed, plain};
+use crate::format::records::LeftOut;
+use crate::format::unpack::{Counted, MOST_UNPACKED_BYTES, Unpacked, unpack};
 #[cfg(doc)]
 use crate::observation::typical_noise;
 use crate::observation::{Observation, ObservationEpoch};
 use crate::{GpsTime, ReadError, Sv};
 use header::Signals;
 use records::{Epoch, Field};
+use source::Source;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Longest line, bytes: 5000 fields.
-const LONGEST_LINE: u64 = 80_000;
+const LONGEST_LINE: usize = 80_000;
 
 /// Epochs of a RINEX observation file, one after the other: memory does not grow with the file.
 pub struct ObservationReader<R> {
@@ -47,6 +57,8 @@ pub struct ObservationReader<R> {
     /// The first malformed record, as long as no epoch was read.
     first_error: Option<ReadError>,
     ended: bool,
+    /// Bytes of the file read so far, packed or not; none of other inputs.
+    bytes_of_file: Option<Arc<AtomicU64>>,
 }
 
 /// The pseudoranges of chosen signals of all satellites at one receive instant.
@@ -58,39 +70,44 @@ pub struct PseudorangeEpoch {
     pub satellites: Vec<(Sv, Vec<Option<f64>>)>,
 }
 
-/// Opens a RINEX observation file and reads its header.
+/// Opens a RINEX observation file, packed by gzip or compress or not, and reads its header.
 ///
 /// # Errors
-/// When the file cannot be read, is compressed, is no observation file or has a malformed header.
-pub fn open(path: impl AsRef<Path>) -> Result<ObservationReader<BufReader<File>>, ReadError> {
+/// As [`ObservationReader::new`], and when the file cannot be opened or unpacked.
+pub fn open(path: impl AsRef<Path>) -> Result<ObservationReader<Unpacked<'static>>, ReadError> {
     let path = path.as_ref();
-    let file = File::open(path).map_err(|source| ReadError::Io {
-        format: "RINEX",
-        path: path.to_owned(),
-        source,
-    })?;
-    ObservationReader::new(BufReader::with_capacity(1 << 16, file), &path.display().to_string())
+    let io = |source| ReadError::Io { format: "RINEX", path: path.to_owned(), source };
+    let count = Arc::new(AtomicU64::new(0));
+    let file = Counted { input: File::open(path).map_err(io)?, count: Arc::clone(&count) };
+    let file = BufReader::with_capacity(1 << 16, file);
+    let unpacked = unpack(file, MOST_UNPACKED_BYTES).map_err(io)?;
+    let reader = ObservationReader::new(unpacked, &path.display().to_string())?;
+    Ok(ObservationReader { bytes_of_file: Some(count), ..reader })
 }
 
 impl<R: BufRead> ObservationReader<R> {
-    /// Reads the header of an observation file; `name` stands in error messages.
+    /// Reads the header of an observation file, compact or not; `name` stands in error messages.
     ///
     /// # Errors
-    /// As [`open`].
+    /// When the input cannot be read, is no observation file, or its header lacks what everything needs.
     pub fn new(input: R, name: &str) -> Result<Self, ReadError> {
-        let mut source = Source {
-            input,
-            name: name.to_owned(),
-            text: String::new(),
-            number: 0,
-            bytes: 0,
-            is_cut: false,
-            again: false,
-        };
+        let mut source = Source::new(input, name);
         let mut left_out = LeftOut::default();
-        let (header, signals) = header::read(&mut source, &mut left_out)?;
+        // Where the file cannot be unpacked, that is why its header does not end.
+        let (header, signals) = header::read(&mut source, &mut left_out)
+            .map_err(|error| source.losses.drain(..).next().map_or(error, |loss| loss.1))?;
         let (first, first_error) = (None, None);
-        Ok(Self { source, header, signals, first, skipped: 0, left_out, first_error, ended: false })
+        Ok(Self {
+            source,
+            header,
+            signals,
+            first,
+            skipped: 0,
+            left_out,
+            first_error,
+            ended: false,
+            bytes_of_file: None,
+        })
     }
 
     /// The header.
@@ -103,7 +120,7 @@ impl<R: BufRead> ObservationReader<R> {
     /// of them are skipped.
     ///
     /// # Errors
-    /// When the record is malformed, with file, line and what is valid; the file ends there.
+    /// When the input cannot be read; or no epoch is usable, for the first reason.
     pub fn next_pseudoranges(
         &mut self,
         signals: &[&str],
@@ -132,6 +149,9 @@ impl<R: BufRead> ObservationReader<R> {
             return Ok(None);
         }
         let epoch = records::next_epoch(self, take);
+        for (what, error) in std::mem::take(&mut self.source.losses) {
+            self.leave_out(what, error);
+        }
         self.ended = !matches!(epoch, Ok(Some(_)));
         match (&epoch, self.first_error.take()) {
             (Ok(None), Some(error)) if self.first.is_none() => Err(error),
@@ -159,9 +179,9 @@ impl<R: BufRead> ObservationReader<R> {
         self.skipped
     }
 
-    /// Bytes read so far.
+    /// Bytes of the file read so far, packed where it is.
     pub fn bytes(&self) -> u64 {
-        self.source.bytes
+        self.bytes_of_file.as_ref().map_or(self.source.bytes, |count| count.load(Ordering::Relaxed))
     }
 }
 
@@ -179,85 +199,5 @@ impl<R: BufRead> Iterator for ObservationReader<R> {
             let sample = receive_time - self.first.unwrap_or(receive_time);
             ObservationEpoch { receive_time, sample, observations }
         }))
-    }
-}
-
-/// Lines of a file without its comments.
-struct Source<R> {
-    input: R,
-    name: String,
-    text: String,
-    number: usize,
-    bytes: u64,
-    /// Whether the file ends within the line.
-    is_cut: bool,
-    /// Whether the next step stays at this line.
-    again: bool,
-}
-
-impl<R: BufRead> Source<R> {
-    /// The bytes up to the next line feed or carriage return, or both, and whether one came.
-    fn read_line(&mut self) -> std::io::Result<(Vec<u8>, bool)> {
-        let mut line = Vec::new();
-        let ends = |b: &u8| matches!(b, b'\n' | b'\r');
-        loop {
-            let buffer = self.input.fill_buf()?;
-            let end = buffer.iter().position(ends);
-            let (used, ended) = (end.map_or(buffer.len(), |k| k + 1), end.is_some());
-            let is_return = end.is_some_and(|k| buffer[k] == b'\r');
-            line.extend_from_slice(&buffer[..end.unwrap_or(used)]);
-            self.input.consume(used);
-            self.bytes += used as u64;
-            if is_return && self.input.fill_buf()?.first() == Some(&b'\n') {
-                self.input.consume(1);
-                self.bytes += 1;
-            }
-            if ended || used == 0 || line.len() as u64 >= LONGEST_LINE {
-                return Ok((line, ended));
-            }
-        }
-    }
-
-    /// Goes to the next line; false at the end of the file.
-    fn step(&mut self) -> Result<bool, ReadError> {
-        if std::mem::take(&mut self.again) {
-            return Ok(true);
-        }
-        let read = self.read_line();
-        let (bytes, ended) = read.map_err(|source| ReadError::Io {
-            format: "RINEX",
-            path: self.name.as_str().into(),
-            source,
-        })?;
-        self.is_cut = !ended;
-        self.number += 1;
-        if self.number == 1 && is_compressed(&bytes) {
-            return Err(compressed("RINEX", &self.name));
-        }
-        self.text = plain(String::from_utf8_lossy(&bytes).trim_end()).trim_end().to_owned();
-        if bytes.len() as u64 >= LONGEST_LINE {
-            let problem = format!("the line is longer than {LONGEST_LINE} bytes");
-            return Err(self.line().malformed(problem, "RINEX files are text"));
-        }
-        Ok(ended || !bytes.is_empty())
-    }
-
-    /// Goes to the next line that is no comment; false at the end of the file.
-    fn advance(&mut self) -> Result<bool, ReadError> {
-        loop {
-            let there = self.step()?;
-            if !there || !self.line().columns(60, 20).eq_ignore_ascii_case("COMMENT") {
-                return Ok(there);
-            }
-        }
-    }
-
-    /// Whether a header starts at this line.
-    fn is_header(&self) -> bool {
-        self.line().columns(60, 20).eq_ignore_ascii_case("RINEX VERSION / TYPE")
-    }
-
-    fn line(&self) -> Line<'_> {
-        Line { format: "RINEX", file: &self.name, number: self.number, text: &self.text }
     }
 }

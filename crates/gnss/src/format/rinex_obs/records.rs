@@ -5,6 +5,7 @@ use super::header::{self, Signals};
 use crate::format::records::Line;
 use crate::observation::{CodeRange, Observation, typical_noise};
 use crate::{Constellation, GpsTime, ReadError, Sv, signal};
+use std::collections::BTreeMap;
 use std::io::BufRead;
 
 /// Fields on a line of version 2.
@@ -13,6 +14,9 @@ const FIELDS_PER_LINE: usize = 5;
 const NAMES_PER_LINE: usize = 12;
 /// C/N0 that is accepted, dB-Hz: files in other units lie outside.
 const BELIEVED_DBHZ: std::ops::Range<f64> = 5.0..75.0;
+
+/// What is left out where an epoch is malformed.
+const EPOCHS_LEFT_OUT: &str = "epochs left out";
 
 /// An epoch, with what `take` made of each satellite's record.
 pub(super) struct Epoch<T> {
@@ -58,15 +62,12 @@ impl Start {
             "" if is_event => 0,
             _ => line.integer(count, 3)?,
         };
+        let has_no_date = line.columns(0, 28).trim_start_matches('>').is_empty();
         let receive_time = match flag {
-            // Of events a date is not needed.
-            2..=5 => GpsTime::from_week_tow(0, 0.0),
-            0 | 1 | 6 if modern => signals.gps_time(line.epoch(2, 4, 11)?),
-            0 | 1 | 6 => match line.epoch(1, 2, 11) {
-                Ok(epoch) => signals.gps_time(epoch),
-                Err(_) if flag == 6 => GpsTime::from_week_tow(0, 0.0),
-                Err(error) => return Err(error),
-            },
+            // Of events a date is not needed; what stands in its place in version 2 makes the line another one.
+            2..=6 if modern || has_no_date => GpsTime::from_week_tow(0, 0.0),
+            0..=6 if modern => signals.gps_time(line.epoch(2, 4, 11)?),
+            0..=6 => signals.gps_time(line.epoch(1, 2, 11)?),
             other => {
                 let problem = format!("the epoch flag {other} is not known");
                 return Err(line.malformed(problem, "flags are 0 to 6"));
@@ -91,17 +92,16 @@ pub(super) fn next_epoch<R: BufRead, T>(
             continue;
         }
         if reader.source.is_header() {
-            // Files one after the other.
-            reader.source.again = true;
-            let (_, signals) = header::read(&mut reader.source, &mut reader.left_out)?;
-            reader.signals = signals;
+            if !next_file(reader)? {
+                return Ok(None);
+            }
             continue;
         }
         let start = match Start::of(&reader.source.line(), &reader.signals) {
             Ok(start) => start,
             Err(error) => {
                 if !std::mem::replace(&mut is_lost, true) {
-                    reader.leave_out("epochs left out", error);
+                    reader.leave_out(EPOCHS_LEFT_OUT, error);
                 }
                 continue;
             }
@@ -109,7 +109,10 @@ pub(super) fn next_epoch<R: BufRead, T>(
         is_lost = false;
         match start.flag {
             0 | 1 => {
-                let satellites = satellites(reader, start.count, &take)?;
+                let Some(satellites) = satellites(reader, start.count, &take)? else {
+                    is_lost = true;
+                    continue;
+                };
                 let (receive_time, power_failed) = (start.receive_time, start.flag == 1);
                 return Ok(Some(Epoch { receive_time, power_failed, satellites }));
             }
@@ -131,15 +134,37 @@ pub(super) fn next_epoch<R: BufRead, T>(
     }
 }
 
+/// Reads the header at which another file starts. One of no use is left out: with the records of its file, up to the next
+/// header (false where there is none), or alone where an epoch follows it.
+fn next_file<R: BufRead>(reader: &mut ObservationReader<R>) -> Result<bool, ReadError> {
+    reader.source.again = true;
+    match header::read(&mut reader.source, &mut reader.left_out) {
+        Ok((_, signals)) => reader.signals = signals,
+        Err(error @ ReadError::Io { .. }) => return Err(error),
+        Err(error) if reader.source.again => reader.leave_out(header::HEADERS_LEFT_OUT, error),
+        Err(error) => {
+            reader.leave_out("files left out", error);
+            while !reader.source.is_header() {
+                if !reader.source.advance()? {
+                    return Ok(false);
+                }
+            }
+            reader.source.again = true;
+        }
+    }
+    Ok(true)
+}
+
 /// The `count` satellites of an epoch whose first line the source is at, those that are read. Where the next epoch starts
-/// earlier, or the file ends, there are fewer.
+/// earlier, or the file ends, there are fewer. None in version 2, whose lines do not name their satellites, where there are
+/// fewer or more lines than satellites.
 fn satellites<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     count: usize,
     take: &impl Take<T>,
-) -> Result<Vec<T>, ReadError> {
+) -> Result<Option<Vec<T>>, ReadError> {
     if reader.signals.version >= 3.0 {
-        modern_satellites(reader, count, take)
+        modern_satellites(reader, count, take).map(Some)
     } else {
         old_satellites(reader, count, take)
     }
@@ -163,7 +188,49 @@ impl<R: BufRead> ObservationReader<R> {
         };
         let error = line.malformed(problem, format!("{what} follow"));
         self.source.again = there;
-        self.leave_out("epochs cut short", error);
+        let whole = there && self.signals.version < 3.0;
+        self.leave_out(if whole { EPOCHS_LEFT_OUT } else { "epochs cut short" }, error);
+        Ok(false)
+    }
+
+    /// Goes to the next line, and says whether the epoch of version 3 or 4 ends before it; with a note where its count is
+    /// not the number of satellites `found`.
+    fn ends_modern_epoch(&mut self, found: usize, count: usize) -> Result<bool, ReadError> {
+        let there = self.source.advance()?;
+        let line = self.source.line();
+        // A '>' without any number starts no epoch.
+        let starts = line.text.starts_with('>')
+            && (found >= count || line.text.bytes().any(|b| b.is_ascii_digit()));
+        if there && !starts && !self.source.is_header() {
+            return Ok(false);
+        }
+        let problem = match there {
+            true => format!("{found} satellites where the epoch's count says {count}"),
+            false => "the file ends in the middle of a record".to_owned(),
+        };
+        let error = line.malformed(problem, "as many satellites as the epoch's count says follow");
+        if found != count {
+            self.leave_out("epochs miscounted", error);
+        }
+        self.source.again = there;
+        Ok(true)
+    }
+
+    /// Whether no line of observations follows those of an epoch of version 2; else with a note.
+    fn is_epoch_over(&mut self) -> Result<bool, ReadError> {
+        self.source.again = self.source.advance()?;
+        let line = self.source.line();
+        // The point and three decimals of a field.
+        let is_field = |start: usize| {
+            let end = line.columns(start + 10, 4);
+            end.len() == 4 && end.starts_with('.') && end[1..].bytes().all(|b| b.is_ascii_digit())
+        };
+        if !(self.source.again && (0..FIELDS_PER_LINE).any(|k| is_field(16 * k))) {
+            return Ok(true);
+        }
+        let right = "an epoch has as many as its satellites and types need";
+        let error = line.malformed("a line of observations of no satellite", right);
+        self.leave_out(EPOCHS_LEFT_OUT, error);
         Ok(false)
     }
 
@@ -177,38 +244,60 @@ impl<R: BufRead> ObservationReader<R> {
     }
 }
 
+/// The satellites of an epoch of version 3 or 4, whose lines name them: up to the next epoch, whatever its count says.
 fn modern_satellites<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     count: usize,
     take: &impl Take<T>,
 ) -> Result<Vec<T>, ReadError> {
-    let mut taken = Vec::new();
-    for _ in 0..count {
-        if !reader
-            .within_epoch("the satellites of the epoch", |line, _| line.text.starts_with('>'))?
-        {
-            break;
+    let mut taken: Vec<(Sv, T)> = Vec::new();
+    let mut lines: BTreeMap<String, String> = BTreeMap::new();
+    let mut found = 0;
+    while !reader.ends_modern_epoch(found, count)? {
+        let line = reader.source.line();
+        if line.text.is_empty() {
+            continue;
         }
-        let (line, is_cut) = (reader.source.line(), reader.source.is_cut);
+        found += 1;
         let name = line.columns(0, 3);
-        let system = name.chars().next().unwrap_or(' ').to_ascii_uppercase();
-        let signals = &reader.signals;
-        let field = |k: usize| {
-            let factor = signals.factor(system, k);
-            Field { line, start: 3 + 16 * k, factor, is_cut }
+        let Some(before) = lines.insert(name.to_owned(), line.text.to_owned()) else {
+            let satellite = modern_satellite(reader, take);
+            reader.add(satellite, &mut taken);
+            continue;
         };
-        let sv = known(name, &line, signals.system);
-        let satellite = sv.and_then(|sv| sv.map_or(Ok(None), |sv| take(sv, signals, &field)));
-        reader.add(satellite, &mut taken);
+        if before != line.text {
+            // Neither is known to be right.
+            taken.retain(|(sv, _)| sv.to_string() != name);
+        }
+        let right = "an epoch has a satellite once";
+        let error = line.malformed(format!("{name} comes twice"), right);
+        reader.leave_out("satellites left out", error);
     }
-    Ok(taken)
+    Ok(taken.into_iter().map(|satellite| satellite.1).collect())
+}
+
+/// What `take` makes of the satellite of this line.
+fn modern_satellite<R: BufRead, T>(
+    reader: &ObservationReader<R>,
+    take: &impl Take<T>,
+) -> Result<Option<(Sv, T)>, ReadError> {
+    let (line, is_cut) = (reader.source.line(), reader.source.is_cut);
+    let name = line.columns(0, 3);
+    let system = name.chars().next().unwrap_or(' ').to_ascii_uppercase();
+    let signals = &reader.signals;
+    let field = |k: usize| {
+        let factor = signals.factor(system, k);
+        Field { line, start: 3 + 16 * k, factor, is_cut }
+    };
+    let Some(sv) = known(name, &line, signals.system)? else { return Ok(None) };
+    Ok(take(sv, signals, &field)?.map(|taken| (sv, taken)))
 }
 
 fn old_satellites<R: BufRead, T>(
     reader: &mut ObservationReader<R>,
     count: usize,
     take: &impl Take<T>,
-) -> Result<Vec<T>, ReadError> {
+) -> Result<Option<Vec<T>>, ReadError> {
     let mut names: Vec<(String, usize)> = Vec::new();
     loop {
         let line = reader.source.line();
@@ -226,11 +315,10 @@ fn old_satellites<R: BufRead, T>(
     for (name, number) in names {
         let mut lines = Vec::with_capacity(lines_each);
         for _ in 0..lines_each {
-            let starts = |line: &Line, signals: &Signals| {
-                Start::of(line, signals).is_ok_and(|start| start.flag < 2)
-            };
+            let starts = |line: &Line, signals: &Signals| Start::of(line, signals).is_ok();
             if !reader.within_epoch("the observations of the epoch", starts)? {
-                return Ok(taken);
+                // A file that ends within a line was cut there; else any line may be lost.
+                return Ok(reader.source.was_cut.then_some(taken));
             }
             let source = &reader.source;
             lines.push((source.text.clone(), source.number, source.is_cut));
@@ -246,7 +334,7 @@ fn old_satellites<R: BufRead, T>(
         let satellite = sv.and_then(|sv| sv.map_or(Ok(None), |sv| take(sv, signals, &field)));
         reader.add(satellite, &mut taken);
     }
-    Ok(taken)
+    Ok(reader.is_epoch_over()?.then_some(taken))
 }
 
 /// The satellite that a name such as `G07`, `G 7` or `7` means, none of a system that is skipped.

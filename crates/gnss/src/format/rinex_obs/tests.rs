@@ -189,15 +189,18 @@ fn times_of_other_systems_become_gps_time() {
 fn each_mistake_is_named_with_its_line_and_what_would_be_right() {
     let (two, three) = (v2_header() + V2_EPOCH, v3_header() + V3_EPOCH);
     let cut: String = two.lines().take(11).map(|l| format!("{l}\n")).collect();
-    let compact = labelled("3.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE");
+    let compact = labelled("2.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE");
     let cases = [
         (String::new(), "line 1: this is no RINEX file; a RINEX file starts with"),
-        (compact, "line 1: the file is in compact RINEX; unpack it with crx2rnx"),
+        (compact, "line 1: version '2.0' of compact RINEX; versions 1 and 3 are read"),
         ("\u{1f}\u{8b}".to_owned(), "line 1: this is no RINEX file"),
         (three.replace("     3.04", "     7.00"), "line 1: version 7 is not known"),
         (three.replace("OBSERVATION", "NAVIGATION "), "line 1: the file holds 'NAVIGATION  DATA'"),
-        (three.replace("END OF HEADER", "END OF"), "line 11: the header does not end"),
-        (two.replace("Types of Observ", "Types of"), "line 6: a list of types goes on"),
+        (
+            three.replace("END OF HEADER", "END OF"),
+            "line 7: an epoch follows the header; 'END OF HEADER' stands before",
+        ),
+        (two.replace("Types of Observ", "Types of"), "line 5: '# / TYPES OF' is no label"),
         (two.replace("    10    L1", "   ten    L1"), "line 5: 'ten' is no number of types"),
         (three.replace("> 2024", "  2024"), "line 7: '2024 06 24 08 20 0' starts no epoch"),
         (three.replace("2024 06 24", "2024 13 24"), "line 7: '2024 13 24"),
@@ -258,7 +261,7 @@ fn a_malformed_record_loses_itself_and_files_may_follow_each_other() {
     assert_eq!(left_out, [("epochs left out", 1)]);
     // One satellite fewer than the epoch says, one that does not exist, a number that is none.
     for (from, to, fewer, what) in [
-        ("  0  3  ", "  0  4  ", 0, "epochs cut short"),
+        ("  0  3  ", "  0  4  ", 0, "epochs miscounted"),
         ("G02   ", "G77   ", 1, "satellites left out"),
         ("45.770", "45,770", 1, "satellites left out"),
     ] {
