@@ -21,9 +21,9 @@ pub use geometry::{
     paper_dictionary,
 };
 pub use sky::{
-    ArraySky, Beam, BeamKind, BlindCount, Jammer, LookError, LookOptions, Prediction,
-    SatelliteArrival, SkyEpoch, SkyPicture, look,
+    ArraySky, Beam, BeamKind, Jammer, LookCodes, LookError, LookOptions, Looked, Prediction,
+    SatelliteArrival, SkyEpoch, SkyPicture, SkySource, SparseLook, look,
 };
-pub use sparse::{Engine, Penalty, SparseError, SparseOptions, solve};
+pub use sparse::{Engine, Penalty, SparseError, SparseOptions, reconstruct, solve};
 
 pub use sdr_rx_linalg::CMat;

@@ -5,7 +5,7 @@ use super::find::{BeamFormer, Found, Region, search};
 use super::judge::is_common_noise;
 use super::sky::see;
 use super::stages::Stages;
-use super::survey::survey;
+use super::survey::{LONG_S, survey};
 use super::{Emit, ReceiverError, ReceiverOptions};
 use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, common_code_offset,
@@ -153,7 +153,7 @@ pub(super) fn acquire_head(
     let mut surveyed = None;
     let searched = if head.common_noise { 1 } else { head.block.channels() };
     if searched > 1 {
-        let survey = survey(&head.block, rate_hz, interference, options)?;
+        let survey = survey(&head.block, rate_hz, LONG_S, interference, options)?;
         asked.satellites.retain(|t| survey.cells.iter().all(|c| c.transmission != *t));
         surveyed = Some(survey);
     }
@@ -204,7 +204,8 @@ pub(super) fn acquire_head(
     }
     let deep = asked.max_windows.max(deep_windows(searched));
     let deeper = deep > asked.max_windows && whole_ms > asked.coherent_ms * asked.max_windows;
-    if cells.len() < ENOUGH_SATELLITES && deeper {
+    let is_complete = surveyed.as_ref().is_some_and(|s| s.is_complete);
+    if cells.len() < ENOUGH_SATELLITES && deeper && !is_complete {
         asked.max_windows = deep;
         cells = search_rest(&asked)?;
     }
@@ -264,7 +265,7 @@ pub(super) fn acquire_head(
             survey.notices.into_iter().for_each(|notice| emit(Event::Notice(notice)));
             sky = survey.sky;
         }
-        see(sky, &found, rate_hz, interference, options)
+        see(sky, &found, interference, options)
     });
     Ok(HeadFound { found, sky, code_offset, doppler_hz: asked.doppler_hz })
 }

@@ -405,7 +405,7 @@ fn look_at(
     options: &ReceiverOptions,
     emit: &mut Emit,
 ) -> Result<ArraySky, ReceiverError> {
-    let survey = survey(&head.block, rate_hz, interference, options)?;
+    let survey = survey(&head.block, rate_hz, f64::INFINITY, interference, options)?;
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
     let (start, end) = (0, block.len() as u64);
@@ -413,7 +413,7 @@ fn look_at(
     let found = region.refine_all(&survey.cells, &options.search);
     emit(Event::Found(found.iter().map(|f| f.refined).collect()));
     survey.notices.into_iter().for_each(|notice| emit(Event::Notice(notice)));
-    Ok(see(survey.sky, &found, rate_hz, interference, options))
+    Ok(see(survey.sky, &found, interference, options))
 }
 
 /// The record of a source, read to its end or as far as the task needs it.

@@ -18,14 +18,13 @@ const CONFIRMING_LOOKS: usize = 3;
 pub(super) fn see(
     mut sky: ArraySky,
     found: &[Found],
-    rate_hz: f64,
     interference: Option<&Interference>,
     options: &ReceiverOptions,
 ) -> ArraySky {
     let manifold = manifold(interference, options);
     let signature =
         |f: &Found| Some((f.refined.acquisition.transmission, f.spatial.as_ref()?.0.clone()));
-    sky.add(found.iter().filter_map(signature).collect(), rate_hz, manifold.as_ref());
+    sky.add(found.iter().filter_map(signature).collect(), manifold.as_ref());
     sky
 }
 

@@ -1,75 +1,106 @@
-//! Sources at the start of a stream: directions without codes, and signals by their code periods.
+//! Sources at the start of a stream, and the satellites found in them: the first stage of acquisition of an array.
 
-use super::CHUNK_S;
 use super::ReceiverOptions;
 use super::event::Notice;
+use crate::acquisition::search::searched_signal;
 use crate::acquisition::{Acquisition, AcquisitionError};
-use crate::array::code_periods::{CodePeriodOptions, search_code_periods};
+use crate::array::code_periods::periods::CodePeriods;
+use crate::array::code_periods::{CodePeriodOptions, search_periods};
 use crate::array::sky::interference::Interference;
-use crate::array::{ArraySky, BlindCount, LookError, Manifold, look};
+use crate::array::{ArraySky, JaneError, LookCodes, Manifold, look};
 use crate::capture::Block;
 use num_complex::Complex32;
 
-/// Code periods in the decomposition: of an array, and of one antenna.
-const PERIODS: usize = 20;
-const PERIODS_OF_ONE: usize = 100;
-/// Maximum number of rows, elements x periods, of the decomposition: its time grows with their cube.
-const MOST_ROWS: usize = 512;
+/// Time that is coherent in a look: of one navigation bit, s.
+const BLOCK_S: f64 = 0.02;
+/// A look over as long as this, s, follows where the first shows few satellites.
+pub(super) const LONG_S: f64 = 0.2;
+const FEW_SATELLITES: usize = 8;
+/// Maximum number of rows, elements x periods, of a look: its memory.
+const MOST_ROWS: usize = 6400;
+/// Up to so many elements their code periods are decomposed too, which needs fewer elements than a look; the maximum
+/// number of rows there, whose time grows with their cube.
+const FEW_ELEMENTS: usize = 4;
+const MOST_DECOMPOSED: usize = 100;
 
 /// Results of the survey: sources before despreading, satellites, and notices.
+#[derive(Default)]
 pub(super) struct Survey {
     pub(super) sky: ArraySky,
     pub(super) cells: Vec<Acquisition>,
     pub(super) notices: Vec<Notice>,
+    /// Whether the look was a long one and left no source without a code: a deep search would find only satellites
+    /// between its threshold and the look's.
+    pub(super) is_complete: bool,
 }
 
-/// Surveys the start of a stream: directions without codes where the geometry is known, and signals by their code
-/// periods always.
+/// Surveys the start of a stream, at most so many seconds: sources by their code periods, with directions where the
+/// geometry is known, and the codes in them.
 pub(super) fn survey(
     block: &Block,
     rate_hz: f64,
+    longest_s: f64,
     interference: Option<&Interference>,
     options: &ReceiverOptions,
 ) -> Result<Survey, AcquisitionError> {
     let elements = block.channels();
-    let first = |seconds: f64| -> Vec<&[Complex32]> {
-        let len = block.len().min((seconds * rate_hz) as usize);
-        (0..elements).map(|c| &block.channel(c)[..len]).collect()
+    let signal = searched_signal(&options.search.satellites, rate_hz)?;
+    let coherent = (BLOCK_S / signal.period_s()).round().max(1.0) as usize;
+    let channels: Vec<&[Complex32]> = (0..elements).map(|c| block.channel(c)).collect();
+    let periods = |count: usize| {
+        let samples = ((count + 1) as f64 * signal.period_s() * rate_hz) as usize;
+        let first: Vec<&[Complex32]> =
+            channels.iter().map(|c| &c[..c.len().min(samples)]).collect();
+        CodePeriods::new(&first, rate_hz, signal, count)
     };
-    let mut survey = Survey { sky: ArraySky::default(), cells: Vec::new(), notices: Vec::new() };
-    if let Some(array) = options.array.as_ref().filter(|_| elements > 1) {
-        let manifold = Manifold::new(array.in_enu());
-        match look(&first(CHUNK_S), &manifold, interference, &options.look) {
-            Ok(picture) => survey.sky.picture = Some(picture),
-            // Elements at one position, or samples of zeros: the rest of the receiver does without directions.
-            Err(error @ (LookError::Jane(_) | LookError::NoNoise | LookError::Sparse(_))) => {
-                survey.notices.push(Notice::NoDirections(error.to_string()));
-            }
-        }
+    let mut survey = Survey::default();
+    let manifold = options.array.as_ref().filter(|_| elements > 1);
+    let mut manifold = manifold.map(|array| Manifold::new(array.in_enu()));
+    if manifold.as_ref().is_some_and(|m| m.dimensions() == 0) {
+        survey.notices.push(Notice::NoDirections(JaneError::NoDirections.to_string()));
+        manifold = None;
     }
-    let periods =
-        if elements == 1 { PERIODS_OF_ONE } else { PERIODS.min(MOST_ROWS / elements).max(1) };
-    let (low, high) = options.search.doppler_hz;
-    let asked = CodePeriodOptions {
-        satellites: options.search.satellites.clone(),
-        max_doppler_hz: low.abs().max(high.abs()),
-        ..CodePeriodOptions::new(elements, periods)
+    let codes = LookCodes {
+        satellites: &options.search.satellites,
+        doppler_hz: options.search.doppler_hz,
+        false_alarm: options.search.false_alarm,
     };
-    let nulled = interference.map_or(0, Interference::count);
-    let found = search_code_periods(&first(1e-3 * (periods + 1) as f64), rate_hz, nulled, &asked)?;
-    if let Some(picture) = &mut survey.sky.picture
-        && found.svd.division.rank.max(found.found.len()) + nulled >= elements
-    {
-        picture.crowded = true;
-        picture.sources.clear();
-    }
-    survey.cells = found.found.iter().map(|f| f.acquisition).collect();
-    survey.sky.blind = Some(BlindCount {
-        periods,
-        signals: found.svd.division.rank,
-        satellites: survey.cells.iter().map(Acquisition::sv).collect(),
-        transforms: found.transforms,
-        full_search_transforms: found.full_search_transforms,
+    let look_at = |count: usize| {
+        let data = periods(count);
+        let block = coherent.min(data.periods);
+        look(data, block, manifold.as_ref(), interference, &codes, &options.look)
+    };
+    let whole = (block.len() as f64 / (signal.period_s() * rate_hz)) as usize;
+    let longest = (longest_s / signal.period_s()) as usize;
+    let long = longest.min(MOST_ROWS / elements).min(whole) / coherent * coherent;
+    let looked = look_at(coherent).and_then(|looked| {
+        let is_few = looked.found.len() < FEW_SATELLITES && long > coherent;
+        if is_few { look_at(long) } else { Ok(looked) }
     });
+    let mut looked = match looked {
+        Ok(looked) => looked,
+        Err(error) => {
+            survey.notices.push(Notice::NoDirections(error.to_string()));
+            return Ok(survey);
+        }
+    };
+    survey.cells = looked.found.iter().map(|f| f.acquisition).collect();
+    if elements <= FEW_ELEMENTS {
+        let (low, high) = options.search.doppler_hz;
+        let is_left = |t: &_| survey.cells.iter().all(|c| c.transmission != *t);
+        let most = MOST_DECOMPOSED / elements;
+        let asked = CodePeriodOptions {
+            satellites: options.search.satellites.iter().copied().filter(is_left).collect(),
+            max_doppler_hz: low.abs().max(high.abs()),
+            ..CodePeriodOptions::new(elements, most)
+        };
+        let more =
+            search_periods(looked.rest, interference.map_or(0, Interference::count), &asked)?;
+        survey.cells.extend(more.found.iter().map(|f| f.acquisition));
+        looked.picture.transforms.0 += more.transforms;
+    }
+    let is_named = looked.picture.sources.iter().all(|s| s.sv.is_some());
+    survey.is_complete = looked.picture.periods as f64 * signal.period_s() >= LONG_S && is_named;
+    survey.sky.picture = Some(looked.picture);
     Ok(survey)
 }

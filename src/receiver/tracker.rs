@@ -11,7 +11,7 @@ use super::track::Track;
 use super::{CHUNK_S, Emit, ReceiverError, ReceiverOptions};
 use crate::acquisition::{Acquisition, AcquisitionError, SearchOptions};
 use crate::array::sky::interference::Interference;
-use crate::array::sky::look::jammers;
+use crate::array::sky::jammers;
 use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
@@ -291,7 +291,7 @@ impl Tracker {
         let follow = |track: &mut Track| track.follow(buffers, &beams, rate_hz);
         let signatures = self.tracks.par_iter_mut().filter_map(follow).collect();
         let mut sky = ArraySky::default();
-        sky.add(signatures, rate_hz, manifold(self.interference.as_ref(), options).as_ref());
+        sky.add(signatures, manifold(self.interference.as_ref(), options).as_ref());
         let sample = chunk.first_sample() + chunk.len() as u64 / 2;
         emit(Event::Sky(SkyEpoch { sample, sky }));
     }

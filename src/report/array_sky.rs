@@ -1,7 +1,10 @@
 //! Sources and directions by an antenna array, as a table and as a JSON record.
 
 use super::Run;
-use crate::array::{ArraySky, Arrival, Bearing, Jammer, SatelliteArrival, Source};
+use crate::array::{
+    ArraySky, Arrival, Bearing, Engine, Jammer, Point, SatelliteArrival, SkyPicture, SkySource,
+    SparseLook,
+};
 use crate::gnss::Sv;
 use serde::Serialize;
 use std::fmt::Write;
@@ -43,35 +46,53 @@ pub struct ArraySkyRecord {
     elements: Option<usize>,
     /// All sources: satellites by their signatures, and others.
     sources: Vec<SourceRecord>,
-    /// Number by LDA-l1,1 and JANE on the covariance, without codes; absent where there are too many signals.
+    /// Sources by the look, before codes.
     #[serde(skip_serializing_if = "Option::is_none")]
-    blind_sources: Option<Vec<SourceRecord>>,
+    look: Option<LookRecord>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     jammers: Vec<JammerRecord>,
-    /// Number by the singular values of the code periods, without codes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    signals: Option<usize>,
-    /// Satellites found in the singular vectors.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    blind_satellites: Option<Vec<Sv>>,
     satellites: Vec<SatelliteRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     all_from_one_direction: Option<bool>,
 }
 
+/// Sources without codes, and what was found in them.
+#[derive(Clone, Debug, Serialize)]
+struct LookRecord {
+    /// Code periods used.
+    periods: usize,
+    /// The solver of the sparse problem, where it ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    engine: Option<&'static str>,
+    /// Bound on the relative distance of its objective from the optimum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    duality_gap: Option<f64>,
+    sources: Vec<SourceRecord>,
+    /// Fourier transforms by which the codes were found.
+    transforms: usize,
+    full_search_transforms: usize,
+}
+
 #[derive(Clone, Debug, Serialize)]
 struct SourceRecord {
-    /// How it was found: `despread` or `covariance`.
+    /// How it was found: `despread` or `look`.
     #[serde(rename = "route")]
     method: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     sv: Option<Sv>,
+    /// What a source without a code of the list may be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kind: Option<&'static str>,
     #[serde(flatten)]
-    bearing: BearingRecord,
-    /// Of the angle, or the larger of azimuth's (times the cosine of the elevation) and elevation's.
-    sigma_deg: f64,
-    /// Power at an element over its noise.
-    power_db: f64,
+    bearing: Option<BearingRecord>,
+    /// Maximum standard deviation of the direction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sigma_deg: Option<f64>,
+    /// Doppler modulo the inverse of a code period.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doppler_modulo_hz: Option<f64>,
+    /// At one element.
+    cn0_dbhz: f64,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -132,7 +153,7 @@ pub fn directions(run: &Run, sample: f64) -> Vec<DirectionRecord> {
         Some(DirectionRecord {
             sv: s.sv,
             bearing: arrival.bearing.into(),
-            sigma_deg: sigma_deg(arrival),
+            sigma_deg: sigma_deg(arrival.point, arrival.sigma),
             suspected: s.predicted.map(|p| !p.agrees),
         })
     };
@@ -149,40 +170,67 @@ impl ArraySkyRecord {
         Self {
             elements: picture.map(|p| p.elements),
             sources: despread.chain(others).collect(),
-            blind_sources: picture
-                .filter(|p| !p.crowded)
-                .map(|p| p.sources.iter().map(SourceRecord::new).collect()),
+            look: picture.map(LookRecord::new),
             jammers: jammers.iter().map(JammerRecord::new).collect(),
-            signals: sky.blind.as_ref().map(|b| b.signals),
-            blind_satellites: sky.blind.as_ref().map(|b| b.satellites.clone()),
             satellites: sky.satellites.iter().map(SatelliteRecord::new).collect(),
             all_from_one_direction: sky.one_direction.map(|o| o.is_one),
         }
     }
 }
 
-impl SourceRecord {
-    fn new(source: &Source) -> Self {
+impl LookRecord {
+    fn new(picture: &SkyPicture) -> Self {
         Self {
-            method: "covariance",
-            sv: None,
-            bearing: source.bearing.into(),
-            sigma_deg: source_sigma_deg(source),
-            power_db: 10.0 * source.power.log10(),
+            periods: picture.periods,
+            engine: picture.sparse.as_ref().map(|s| engine_name(s.engine)),
+            duality_gap: picture.sparse.as_ref().map(|s| s.gap),
+            sources: picture.sources.iter().map(SourceRecord::new).collect(),
+            transforms: picture.transforms.0,
+            full_search_transforms: picture.transforms.1,
         }
     }
 }
 
 impl SourceRecord {
+    fn new(source: &SkySource) -> Self {
+        Self {
+            method: "look",
+            sv: source.sv,
+            kind: source.sv.is_none().then(|| kind(source)),
+            bearing: source.direction.map(|d| d.bearing.into()),
+            sigma_deg: source.direction.map(|d| sigma_deg(d.point, d.sigma)),
+            doppler_modulo_hz: Some(source.doppler_hz),
+            cn0_dbhz: source.cn0_dbhz,
+        }
+    }
+
     fn of_satellite(satellite: &SatelliteArrival) -> Option<Self> {
         let arrival = satellite.arrival.as_ref()?;
         Some(Self {
             method: "despread",
             sv: Some(satellite.sv),
-            bearing: arrival.bearing.into(),
-            sigma_deg: sigma_deg(arrival),
-            power_db: 10.0 * satellite.sample_snr.log10(),
+            kind: None,
+            bearing: Some(arrival.bearing.into()),
+            sigma_deg: Some(sigma_deg(arrival.point, arrival.sigma)),
+            doppler_modulo_hz: None,
+            cn0_dbhz: satellite.cn0_dbhz,
         })
+    }
+}
+
+/// What a source without a code of the list may be.
+fn kind(source: &SkySource) -> &'static str {
+    if source.is_periodic {
+        "periodic: an unknown code of this period, or a carrier"
+    } else {
+        "another system, or interference"
+    }
+}
+
+fn engine_name(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Admm => "ADMM",
+        Engine::Lda => "LDA-l1,1",
     }
 }
 
@@ -190,16 +238,6 @@ impl JammerRecord {
     fn new(jammer: &Jammer) -> Self {
         Self { bearing: jammer.bearing.map(Into::into), power_db: jammer.power_db }
     }
-}
-
-/// Standard deviation of a source's angle, or the larger of the two.
-fn source_sigma_deg(source: &Source) -> f64 {
-    let [first, second] = source.bearing_sigma;
-    let across = match source.bearing {
-        Bearing::Cone(_) => first,
-        Bearing::Direction { elevation, .. } => first * elevation.cos(),
-    };
-    across.max(second).to_degrees()
 }
 
 impl SatelliteRecord {
@@ -216,7 +254,7 @@ impl SatelliteRecord {
         Self {
             sv: s.sv,
             bearing: s.arrival.map(|a| a.bearing.into()),
-            sigma_deg: s.arrival.as_ref().map(sigma_deg),
+            sigma_deg: s.arrival.map(|a| sigma_deg(a.point, a.sigma)),
             cosines: s.arrival.as_ref().map(cosines),
             misfit: s.arrival.map(|a| a.misfit),
             expected: s.predicted.map(|p| p.bearing.into()),
@@ -228,10 +266,9 @@ impl SatelliteRecord {
 
 /// Maximum standard deviation of the direction, degrees: near the array's plane a small change of a cosine
 /// is a large change of angle.
-fn sigma_deg(arrival: &Arrival) -> f64 {
-    let [s, t] = arrival.point;
+fn sigma_deg([s, t]: Point, sigma: Point) -> f64 {
     let height = (1.0 - s * s - t * t).max(1e-4).sqrt();
-    (arrival.sigma[0].hypot(arrival.sigma[1]) / height).min(1.0).to_degrees()
+    (sigma[0].hypot(sigma[1]) / height).min(1.0).to_degrees()
 }
 
 fn angles(bearing: Bearing) -> String {
@@ -256,39 +293,35 @@ fn sources_text(sky: &ArraySky) -> String {
             );
         }
     }
-    if let Some(blind) = &sky.blind {
-        let names: Vec<String> = blind.satellites.iter().map(ToString::to_string).collect();
-        let _ = writeln!(
-            text,
-            "  signals     {} in {} code periods, by their singular values; {} found in them: {} ({:.0} % of a full search's transforms)",
-            blind.signals,
-            blind.periods,
-            names.len(),
-            names.join(" "),
-            100.0 * blind.transforms as f64 / blind.full_search_transforms.max(1) as f64
-        );
-    }
-    if let Some(picture) = &sky.picture {
-        let _ = writeln!(
-            text,
-            "  sources     {} by LDA-l1,1 and JANE on the covariance of {} elements, {} samples",
-            if picture.crowded {
-                "too many to be counted".to_owned()
-            } else {
-                picture.sources.len().to_string()
-            },
-            picture.elements,
-            picture.samples
-        );
-        for source in &picture.sources {
-            let _ = writeln!(
-                text,
-                "     {} deg +- {:.2}, {:+.1} dB",
-                angles(source.bearing),
-                source_sigma_deg(source),
-                10.0 * source.power.log10()
-            );
-        }
+    let Some(picture) = &sky.picture else { return text };
+    let known = picture.sources.iter().filter(|s| s.sv.is_some()).count();
+    let by = match &picture.sparse {
+        None => String::new(),
+        Some(SparseLook { engine, gap, snapshots, directions }) => format!(
+            ", directions by JANE from {} of {} (gap {gap:.1e}, {snapshots} snapshots)",
+            directions.len(),
+            engine_name(*engine)
+        ),
+    };
+    let _ = writeln!(
+        text,
+        "  look        {} sources in {} code periods of {} elements{by}",
+        picture.sources.len(),
+        picture.periods,
+        picture.elements
+    );
+    let _ = writeln!(
+        text,
+        "              codes found in {known} of them, by {} transforms ({:.0} % of a full search's)",
+        picture.transforms.0,
+        100.0 * picture.transforms.0 as f64 / picture.transforms.1.max(1) as f64
+    );
+    for source in &picture.sources {
+        let direction = source.direction.as_ref().map_or(String::new(), |d| {
+            format!("{} deg +- {:.2}, ", angles(d.bearing), sigma_deg(d.point, d.sigma))
+        });
+        let what = source.sv.map_or(kind(source).to_owned(), |sv| sv.to_string());
+        let _ = writeln!(text, "     {direction}{:4.1} dB-Hz  {what}", source.cn0_dbhz);
     }
     text
 }
@@ -312,9 +345,9 @@ pub fn array_sky_table(sky: &ArraySky) -> String {
     for s in &sky.satellites {
         let _ = write!(text, "  {} ", s.sv);
         if measured.is_some() {
-            let direction = s
-                .arrival
-                .map_or(" ".repeat(20), |a| format!("{} {:6.2}", angles(a.bearing), sigma_deg(&a)));
+            let direction = s.arrival.map_or(" ".repeat(20), |a| {
+                format!("{} {:6.2}", angles(a.bearing), sigma_deg(a.point, a.sigma))
+            });
             let expected = s.predicted.map_or(" ".repeat(13), |p| angles(p.bearing));
             let _ = write!(text, "{direction} {expected} ");
         }

@@ -159,7 +159,7 @@ pub fn arrival_plot(sky: &ArraySky, later: &[SkyEpoch]) -> Result<String, Report
             }
         }
         if let Some(picture) = &sky.picture {
-            for source in &picture.sources {
+            for source in picture.sources.iter().filter_map(|s| s.direction.as_ref()) {
                 plane.draw(&Cross::new(at(source.bearing), 6, INK))?;
             }
             for bearing in picture.jammers.iter().filter_map(|j| j.bearing) {

@@ -5,5 +5,6 @@ mod code_period_svd;
 #[path = "../common/mod.rs"]
 mod common;
 mod jammer;
+mod look;
 mod methods;
 mod scene;

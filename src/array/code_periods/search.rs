@@ -20,16 +20,18 @@
 //! satellite, Doppler and vector. The first pass takes 32 x 11 x 8 for 5 kHz; each satellite that it finds
 //! saves 21 r in the second one, and, from a fraction of 0.2 on, 21 for each other satellite.
 
-use super::svd::{CodePeriodSvd, CodePeriods, add_product, product};
-use crate::acquisition::search::{add_power, multiply, phasor, searched_signal};
-use crate::acquisition::{Acquisition, AcquisitionError};
-use crate::array::{CMat, Signature};
-use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
-use crate::gnss::{Signal, Sv, Transmission, signal};
+use super::cells::{Cell, Cells, CodeFound, Row};
+use super::periods::{CodePeriods, add_product, product};
+use super::svd::CodePeriodSvd;
+use crate::acquisition::AcquisitionError;
+use crate::acquisition::search::searched_signal;
+use crate::array::CMat;
+use crate::gnss::{Sv, Transmission, signal};
 use num_complex::{Complex32, Complex64};
-use rayon::prelude::*;
-use sdr_rx_linalg::{Fft, forward_transform, hermitian_eigen, inverse_transform};
-use std::f64::consts::TAU;
+use sdr_rx_linalg::hermitian_eigen;
+
+/// Maximum number of rows, elements x periods: the cost of eigenvalues grows with their cube.
+const MAX_ROWS: usize = 1024;
 
 /// Maximum cross-correlation of two C/A codes at any Doppler, -21.1 dB (Kaplan & Hegarty, 3rd ed., 3.3): the
 /// contribution of a satellite of fraction 1 to another's code.
@@ -76,21 +78,6 @@ impl CodePeriodOptions {
     }
 }
 
-/// A satellite found.
-#[derive(Clone, Debug)]
-pub struct CodeFound {
-    /// Doppler, code phase at the first sample and C/N0 of one element (of the samples as they are: after a
-    /// map with its loss), refined. The statistic is the fraction over its mean under noise, r/N.
-    pub acquisition: Acquisition,
-    /// Fraction of the power of the code's waveform in the searched subspace.
-    pub fraction: f64,
-    /// Prompts of every element and code period, despread with the waveform found (M x K); Doppler and data
-    /// from period to period are still in them.
-    pub prompts: CMat,
-    /// Spatial signature; `None` with one element.
-    pub signature: Option<Signature>,
-}
-
 /// Result of the search.
 #[derive(Clone, Debug)]
 pub struct CodePeriodLook {
@@ -103,15 +90,6 @@ pub struct CodePeriodLook {
     /// Inverse transforms of the full non-coherent search of the same elements, periods, satellites and
     /// Dopplers (1 ms coherent).
     pub full_search_transforms: usize,
-}
-
-/// A cell of maximum fraction.
-#[derive(Clone, Copy)]
-struct Cell {
-    transmission: Transmission,
-    fraction: f64,
-    doppler_hz: f64,
-    delay_bins: f64,
 }
 
 /// Searches the samples of all channels (baseband, of one length and equal noise floors, interference removed,
@@ -142,36 +120,52 @@ pub fn search_code_periods(
     if samples < need || options.periods == 0 {
         return Err(AcquisitionError::TooShort { have: samples, need, coherent_ms: 1, rate_hz });
     }
-    let data = CodePeriods::new(channels, rate_hz, signal, options.periods);
+    search_periods(CodePeriods::new(channels, rate_hz, signal, options.periods), nulled, options)
+}
+
+/// The same in the first `options.periods` of samples sorted by code period.
+///
+/// # Errors
+/// When all samples are zero, or one is not finite.
+pub fn search_periods(
+    data: CodePeriods,
+    nulled: usize,
+    options: &CodePeriodOptions,
+) -> Result<CodePeriodLook, AcquisitionError> {
+    let most = MAX_ROWS / data.elements.max(1);
+    let data = data.first(options.periods.min(most));
     let svd = CodePeriodSvd::new(&data, options.components, nulled, RANK_FALSE_ALARM)
         .ok_or(AcquisitionError::Options("the samples are all zero, or not finite"))?;
-    let search = Search::new(&data, signal, options);
+    let search = Search::new(&data, options);
+    let rows: Vec<Row> = svd.right.iter().cloned().map(Row::of_all).collect();
+    let offsets = search.all_offsets();
 
     let mut found: Vec<(Cell, usize)> = Vec::new();
-    let strong = STRONG_COMPONENTS.max(svd.division.rank).min(svd.right.len());
-    let (cells, mut transforms) = search.best_cells(&svd.right[..strong], &options.satellites, 1);
-    search.take(&svd.right, &cells, search.certain(strong), &mut found);
+    let strong = STRONG_COMPONENTS.max(svd.division.rank).min(rows.len());
+    let (cells, mut transforms) =
+        search.cells.best(&rows[..strong], &options.satellites, &offsets[..1]);
+    search.take(&rows, &cells, search.certain(strong), &mut found);
 
-    let right = search.without(&svd.right, &found);
+    let right = search.without(&rows, &found);
     let left = unfound(&options.satellites, &found);
-    let (cells, more) = search.best_cells(&right, &left, 2);
+    let (cells, more) = search.cells.best(&right, &left, &offsets);
     transforms += more;
     search.take(&right, &cells, search.certain(right.len()), &mut found);
 
-    let right = search.without(&svd.right, &found);
+    let right = search.without(&rows, &found);
     let threshold = search.threshold(right.len());
     let left = unfound(&left, &found);
     let nearly = |c: &Cell| left.contains(&c.transmission) && c.fraction > NEARLY * threshold;
     let (mut own, mut correlated) = (Vec::new(), Vec::new());
     for cell in cells.into_iter().filter(nearly) {
-        let fraction = search.fraction(&right, &cell);
+        let fraction = search.cells.fraction(&right, &cell);
         if fraction > NEARLY * cell.fraction {
             own.push(Cell { fraction, ..cell });
         } else {
             correlated.push(cell.transmission);
         }
     }
-    let (again, more) = search.best_cells(&right, &correlated, 2);
+    let (again, more) = search.cells.best(&right, &correlated, &offsets);
     transforms += more;
     search.take(&right, &[own, again].concat(), threshold, &mut found);
 
@@ -181,7 +175,7 @@ pub fn search_code_periods(
         .map(|(cell, r)| search.measure(cell, *r, svd.division.noise_variance))
         .collect();
     let full_search_transforms =
-        data.rows.len() * options.satellites.len() * search.dopplers(2).count();
+        data.rows.len() * options.satellites.len() * search.cells.dopplers(&offsets);
     Ok(CodePeriodLook { svd, found, transforms, full_search_transforms })
 }
 
@@ -192,7 +186,7 @@ fn unfound(satellites: &[Transmission], found: &[(Cell, usize)]) -> Vec<Transmis
 }
 
 /// Orthonormal basis of the remainder of orthonormal `rows` after the waveforms are projected out.
-fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Complex32>> {
+fn project_out(rows: &[Row], waves: &[Vec<Complex32>]) -> Vec<Row> {
     let single = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
     let normalised = |mut x: Vec<Complex32>| {
         let norm = product(&x, &x).re.sqrt().max(f64::MIN_POSITIVE);
@@ -210,16 +204,18 @@ fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Com
     for wave in waves {
         basis.push(normalised(without(&without(wave, &basis), &basis)));
     }
-    let left: Vec<Vec<Complex32>> = rows.iter().map(|row| without(row, &basis)).collect();
+    let left: Vec<Vec<Complex32>> = rows.iter().map(|row| without(&row.samples, &basis)).collect();
     let gram = CMat::from_fn(rows.len(), rows.len(), |i, k| product(&left[i], &left[k]));
-    let Some((values, vectors)) = hermitian_eigen(&gram) else { return left };
+    let Some((values, vectors)) = hermitian_eigen(&gram) else {
+        return left.into_iter().map(Row::of_all).collect();
+    };
     let kept = values.iter().take_while(|&&l| l > MIN_KEPT).count();
     let combine = |j: usize| {
         let mut sum = vec![Complex32::ZERO; left[0].len()];
         for (i, row) in left.iter().enumerate() {
             add_product(single(vectors[(i, j)].conj()), row, &mut sum);
         }
-        normalised(sum)
+        Row::of_all(normalised(sum))
     };
     (0..kept).map(combine).collect()
 }
@@ -227,44 +223,28 @@ fn project_out(rows: &[Vec<Complex32>], waves: &[Vec<Complex32>]) -> Vec<Vec<Com
 /// State common to all passes of one search.
 struct Search<'a> {
     data: &'a CodePeriods,
-    /// Code period, s.
-    period_s: f64,
+    cells: Cells,
     /// Doppler spacing, Hz: half the inverse of a code period. The pass for strong satellites uses every
     /// other.
     doppler_step_hz: f64,
     options: &'a CodePeriodOptions,
-    forward: std::sync::Arc<dyn Fft<f32>>,
-    inverse: std::sync::Arc<dyn Fft<f32>>,
 }
 
 impl<'a> Search<'a> {
-    fn new(data: &'a CodePeriods, signal: &Signal, options: &'a CodePeriodOptions) -> Self {
-        let (forward, inverse) = (forward_transform(data.bins), inverse_transform(data.bins));
-        let period_s = signal.period_s();
-        let doppler_step_hz = 0.5 / period_s;
-        Self { data, period_s, doppler_step_hz, options, forward, inverse }
-    }
-
-    /// Dopplers searched, in steps, with so many fractions of the spacing of the lines.
-    fn dopplers(&self, fractions: usize) -> impl Iterator<Item = i64> + use<> {
-        let most = (self.options.max_doppler_hz / self.doppler_step_hz).ceil() as i64;
-        (-most..=most).filter(move |step| fractions == 2 || step % 2 == 0)
+    fn new(data: &'a CodePeriods, options: &'a CodePeriodOptions) -> Self {
+        let most = options.max_doppler_hz;
+        let cells = Cells::new(data, (-most, most));
+        Self { data, cells, doppler_step_hz: 0.5 / data.period_s, options }
     }
 
     /// The subspace after projection of the satellites found.
-    fn without(&self, right: &[Vec<Complex32>], found: &[(Cell, usize)]) -> Vec<Vec<Complex32>> {
-        let waves: Vec<_> = found.iter().map(|f| self.waveform(&f.0)).collect();
+    fn without(&self, right: &[Row], found: &[(Cell, usize)]) -> Vec<Row> {
+        let waves: Vec<_> = found.iter().map(|f| self.cells.waveform(&f.0, 0.0)).collect();
         project_out(right, &waves)
     }
 
     /// Adds the cells above a fraction to those found, interpolated between the cells.
-    fn take(
-        &self,
-        right: &[Vec<Complex32>],
-        cells: &[Cell],
-        above: f64,
-        found: &mut Vec<(Cell, usize)>,
-    ) {
+    fn take(&self, right: &[Row], cells: &[Cell], above: f64, found: &mut Vec<(Cell, usize)>) {
         let above = cells.iter().filter(|c| c.fraction > above);
         found.extend(above.map(|c| (self.refine(right, *c), right.len())));
     }
@@ -288,124 +268,35 @@ impl<'a> Search<'a> {
         high
     }
 
+    /// Offsets of the Dopplers searched from whole inverse code periods: all of them.
+    fn all_offsets(&self) -> [f64; 2] {
+        [0.0, self.doppler_step_hz]
+    }
+
     /// Probability that noise exceeds a fraction in any cell (taken as independent: an overestimate).
     fn false_alarm(&self, fraction: f64, components: usize) -> f64 {
-        let cells = self.options.satellites.len() * self.dopplers(2).count() * self.data.bins;
+        let dopplers = self.cells.dopplers(&self.all_offsets());
+        let cells = self.options.satellites.len() * dopplers * self.data.bins;
         let tail = fraction_tail(fraction, components, self.data.bins);
         -(cells as f64 * (-tail).ln_1p()).exp_m1()
     }
 
-    /// The best cell of every satellite at Dopplers of so many fractions of the spacing of the lines, and the
-    /// number of transforms.
-    fn best_cells(
-        &self,
-        right: &[Vec<Complex32>],
-        satellites: &[Transmission],
-        fractions: usize,
-    ) -> (Vec<Cell>, usize) {
-        if satellites.is_empty() {
-            return (Vec::new(), 0);
-        }
-        let bins = self.data.bins;
-        // Whole inverse periods are shifts of the spectrum by lines; the fractions are 0 and one half.
-        let spectra: Vec<Vec<Vec<Complex32>>> = [0.0, self.doppler_step_hz][..fractions]
-            .iter()
-            .map(|fraction| {
-                let turn = |n| phasor(fraction * self.period_s * n as f64 / bins as f64);
-                let spectrum = |row: &Vec<Complex32>| {
-                    let mut mixed: Vec<_> =
-                        row.iter().enumerate().map(|(n, x)| x * turn(n)).collect();
-                    self.forward.process(&mut mixed);
-                    mixed
-                };
-                right.iter().map(spectrum).collect()
-            })
-            .collect();
-        let cells = satellites.par_iter().map(|&t| self.best(t, &spectra)).collect();
-        let dopplers = self.dopplers(spectra.len()).count();
-        let forward = spectra.len() * right.len() + satellites.len();
-        (cells, forward + satellites.len() * dopplers * right.len())
-    }
-
-    /// The best cell of a satellite in the spectra of all vectors, by fraction of the spacing of the lines.
-    fn best(&self, transmission: Transmission, spectra: &[Vec<Vec<Complex32>>]) -> Cell {
-        let bins = self.data.bins;
-        let mut best = Cell { transmission, fraction: 0.0, doppler_hz: 0.0, delay_bins: 0.0 };
-        let mut code = self.waveform(&best);
-        self.forward.process(&mut code);
-        code.iter_mut().for_each(|c| *c = c.conj());
-        let mut correlation = vec![Complex32::ZERO; bins];
-        let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
-        let mut power = vec![0f32; bins];
-        for step in self.dopplers(spectra.len()) {
-            let fraction = step.rem_euclid(2) as usize;
-            let lines = step.div_euclid(2).rem_euclid(bins as i64) as usize;
-            power.fill(0.0);
-            for spectrum in &spectra[fraction] {
-                let (head, tail) = spectrum.split_at(lines);
-                let (code_head, code_tail) = code.split_at(bins - lines);
-                multiply(tail, code_head, &mut correlation[..bins - lines]);
-                multiply(head, code_tail, &mut correlation[bins - lines..]);
-                self.inverse.process_with_scratch(&mut correlation, &mut scratch);
-                add_power(&correlation, &mut power, false);
-            }
-            let peak = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
-            let (bin, highest) = peak.map_or((0, 0.0), |(bin, p)| (bin, f64::from(*p)));
-            // Both transforms are without normalisation: N^2 of the power; the waveform has norm 1.
-            let fraction = highest / (bins as f64).powi(2);
-            if fraction > best.fraction {
-                let doppler_hz = step as f64 * self.doppler_step_hz;
-                best = Cell { fraction, doppler_hz, delay_bins: bin as f64, ..best };
-            }
-        }
-        best
-    }
-
-    /// The waveform of a cell, of norm 1: the code at the mean sampling instant of each bin.
-    fn waveform(&self, cell: &Cell) -> Vec<Complex32> {
-        let chips = cell.transmission.code();
-        let bins = self.data.bins as f64;
-        let turn = Complex64::cis(TAU * cell.doppler_hz * self.period_s / bins);
-        let mut carrier = Complex64::from(bins.sqrt().recip());
-        (0..self.data.bins)
-            .map(|n| {
-                let phase = (n as f64 + self.data.offset - cell.delay_bins) / bins;
-                let chip = (phase.rem_euclid(1.0) * chips.len() as f64) as usize;
-                let value = carrier * f64::from(chips[chip.min(chips.len() - 1)]);
-                carrier *= turn;
-                Complex32::new(value.re as f32, value.im as f32)
-            })
-            .collect()
-    }
-
-    fn fraction(&self, right: &[Vec<Complex32>], cell: &Cell) -> f64 {
-        let waveform = self.waveform(cell);
-        right.iter().map(|row| product(row, &waveform).norm_sqr()).sum()
-    }
-
-    /// Interpolates Doppler and delay between the cells: the Doppler by parabolas, the delay by the balance
-    /// of early and late half a chip away (the correlation of chips is a triangle).
-    fn refine(&self, right: &[Vec<Complex32>], start: Cell) -> Cell {
-        let half_chip = 0.5 * self.data.bins as f64 / start.transmission.signal.chips as f64;
+    /// Interpolates Doppler and delay between the cells.
+    fn refine(&self, right: &[Row], start: Cell) -> Cell {
         let mean = right.len() as f64 / self.data.bins as f64;
         // One step off, the parabola would have no maximum. (The cell may come from fewer vectors.)
         let cells = [-self.doppler_step_hz, self.doppler_step_hz, 0.0].map(|shift| {
             let cell = Cell { doppler_hz: start.doppler_hz + shift, ..start };
-            Cell { fraction: self.fraction(right, &cell), ..cell }
+            Cell { fraction: self.cells.fraction(right, &cell), ..cell }
         });
         let start =
             cells.into_iter().max_by(|a, b| a.fraction.total_cmp(&b.fraction)).unwrap_or(start);
         let mut cell = start;
         for reach_hz in [0.5, 0.24].map(|steps| steps * self.doppler_step_hz) {
+            cell = self.cells.centred(right, cell, mean);
             let at = |shift: f64| {
-                self.fraction(right, &Cell { delay_bins: cell.delay_bins + shift, ..cell })
-            };
-            let [early, late] = [-half_chip, half_chip].map(|d| (at(d) - mean).max(0.0).sqrt());
-            if early + late > 0.0 {
-                cell.delay_bins += half_chip * (late - early) / (late + early);
-            }
-            let at = |shift: f64| {
-                self.fraction(right, &Cell { doppler_hz: cell.doppler_hz + shift, ..cell })
+                let cell = Cell { doppler_hz: cell.doppler_hz + shift, ..cell };
+                self.cells.fraction(right, &cell)
             };
             let [low, middle, high] = [-reach_hz, 0.0, reach_hz].map(at);
             let bend = 2.0 * middle - low - high;
@@ -414,48 +305,18 @@ impl<'a> Search<'a> {
                     (0.5 * reach_hz * (high - low) / bend).clamp(-reach_hz, reach_hz);
             }
         }
-        cell.fraction = self.fraction(right, &cell);
+        cell.fraction = self.cells.fraction(right, &cell);
         if cell.fraction >= start.fraction { cell } else { start }
     }
 
-    /// Despreads the samples with the cell found, and estimates C/N0 and the remaining Doppler from the
-    /// prompts.
+    /// The satellite of a cell found in so many vectors.
     fn measure(&self, cell: &Cell, components: usize, noise: f64) -> CodeFound {
-        let prompts = self.data.despread(&self.waveform(cell));
-        let (elements, periods) = prompts.shape();
-        let signature = Signature::estimate(&prompts);
-        let ones = vec![Complex64::ONE; elements];
-        let response = signature.as_ref().map_or(&ones, |s| &s.response);
-        let beam: Vec<Complex64> = (0..periods)
-            .map(|k| {
-                let sum: Complex64 =
-                    (0..elements).map(|m| response[m].conj() * prompts[(m, k)]).sum();
-                sum * Complex64::cis(-TAU * cell.doppler_hz * self.period_s * k as f64)
-            })
-            .collect();
-        let span = CarrierSpan { frequency_hz: 0.5 * self.doppler_step_hz, rate_hz_s: 0.0 };
-        let rest = estimate_carrier(&beam, cell.transmission.timing(), span)
-            .map_or(0.0, |c| c.frequency_hz);
-        let doppler_hz = cell.doppler_hz + if periods > 1 { rest } else { 0.0 };
-        let power: f64 = (0..periods)
-            .flat_map(|k| (0..elements).map(move |m| (m, k)))
-            .map(|at| prompts[at].norm_sqr())
-            .sum();
-        let snr = power / (noise * (elements * periods) as f64) - 1.0;
-        // The delay is that of the middle of the periods; the code rate depends on the Doppler.
-        let chips = cell.transmission.signal.chips as f64;
-        let drift =
-            doppler_hz / cell.transmission.cycles_per_chip() * periods as f64 * self.period_s / 2.0;
-        let code_phase = -cell.delay_bins * chips / self.data.bins as f64 - drift;
-        let acquisition = Acquisition {
-            transmission: cell.transmission,
-            doppler_hz,
-            code_phase_chips: code_phase.rem_euclid(chips) % chips,
-            cn0_dbhz: 10.0 * (snr.max(1e-3) / self.period_s).log10(),
-            statistic: cell.fraction * self.data.bins as f64 / components.max(1) as f64,
-            false_alarm: self.false_alarm(cell.fraction, components),
-        };
-        CodeFound { acquisition, fraction: cell.fraction, prompts, signature }
+        let span_hz = 0.5 * self.doppler_step_hz;
+        let mut found = self.cells.measure(self.data, self.data.periods, cell, span_hz, noise);
+        let acquisition = &mut found.acquisition;
+        acquisition.statistic = cell.fraction * self.data.bins as f64 / components.max(1) as f64;
+        acquisition.false_alarm = self.false_alarm(cell.fraction, components);
+        found
     }
 }
 

@@ -124,6 +124,11 @@ impl Jane {
         self.scan.manifold()
     }
 
+    /// The statistic that noise alone exceeds anywhere with this probability, of so many snapshots.
+    pub fn threshold(&self, false_alarm: f64, snapshots: f64) -> f64 {
+        self.scan.threshold(false_alarm, snapshots)
+    }
+
     /// Sources in snapshots (elements x snapshots) with white, perhaps impulsive noise, from candidates
     /// `start`: the groups of [`super::row_rule::row_rule`], or none, which gives equal results.
     ///
@@ -142,8 +147,11 @@ impl Jane {
         self.prune(&mut fit, threshold);
         // The noise is fitted again once no more source is found; sources that it hid may then appear.
         let mut noise_is_new = false;
+        // Two sources could take turns in replacing each other for ever.
+        let mut additions = 0..ADDITIONS * most;
         loop {
             if fit.points().len() < most
+                && additions.next().is_some()
                 && let Some(point) = self.another(&fit, threshold, count)
             {
                 fit.add(point);
@@ -243,6 +251,8 @@ impl Jane {
     }
 }
 
+/// Sources added at most, times the maximum number of sources.
+const ADDITIONS: usize = 3;
 /// Iterations of the fit after each change, and when no more source is found: their maximum number, and the
 /// step, in standard deviations, below which they end.
 const ROUGHLY: (usize, f64) = (6, 0.3);

@@ -66,8 +66,12 @@ impl Jane {
             let points = fit.points.iter().copied().chain([point]).collect();
             let (next, last_stays) =
                 self.pruned(&data, data.settled(points, self.scan.step()), threshold);
-            fit = next;
-            if !last_stays {
+            // Otherwise two sources could take turns in replacing each other for ever.
+            let is_better = next.points.len() > fit.points.len() || next.outside < fit.outside;
+            if is_better {
+                fit = next;
+            }
+            if !(last_stays && is_better) {
                 break;
             }
         }

@@ -2,13 +2,15 @@
 
 pub mod authenticity;
 pub mod beams;
+mod identify;
 pub mod interference;
 pub mod look;
+mod picture;
 
 pub use beams::{Beam, BeamKind};
-pub use look::{Jammer, LookError, LookOptions, SkyPicture, look};
+pub use look::{LookCodes, LookError, LookOptions, SparseLook};
+pub use picture::{Jammer, Looked, SkyPicture, SkySource, jammers, look};
 
-use crate::array::decision::Source;
 use crate::array::geometry::{Arrival, Bearing, Manifold, Signature, arrival};
 use crate::gnss::{Sv, Transmission};
 use authenticity::{OneDirection, agrees, one_direction};
@@ -25,8 +27,8 @@ pub struct SatelliteArrival {
     pub sv: Sv,
     /// Response of each element.
     pub signature: Signature,
-    /// Power at one element over the noise of a sample.
-    pub sample_snr: f64,
+    /// Carrier-to-noise density at one element, dB-Hz.
+    pub cn0_dbhz: f64,
     /// Its direction, where the array's geometry is known.
     pub arrival: Option<Arrival>,
     /// Its predicted direction, where its orbit and the receiver's position are known.
@@ -44,28 +46,11 @@ pub struct Prediction {
     pub agrees: bool,
 }
 
-/// Number of signals by their code periods, without codes, and the satellites whose codes were found in them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct BlindCount {
-    /// Number of code periods decomposed.
-    pub periods: usize,
-    /// Number of singular values that noise does not explain: signals, whatever their code.
-    pub signals: usize,
-    /// Satellites found in them, strongest first.
-    pub satellites: Vec<Sv>,
-    /// Number of Fourier transforms used.
-    pub transforms: usize,
-    /// Number of inverse transforms of the full search of the same samples.
-    pub full_search_transforms: usize,
-}
-
 /// The satellites received by an array.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ArraySky {
-    /// Sources and their directions without codes; `None` without geometry.
+    /// Sources without codes; their directions where the geometry is known.
     pub picture: Option<SkyPicture>,
-    /// Signals by their code periods, and satellites found in them.
-    pub blind: Option<BlindCount>,
     /// Signatures of satellites by despreading, strongest first.
     pub satellites: Vec<SatelliteArrival>,
     /// Whether they all come from one direction; `None` with too few for a result.
@@ -83,17 +68,12 @@ pub struct SkyEpoch {
 
 impl ArraySky {
     /// Adds the signatures of satellites; `manifold` where the array's geometry is known.
-    pub fn add(
-        &mut self,
-        signatures: Vec<(Transmission, Signature)>,
-        rate_hz: f64,
-        manifold: Option<&Manifold>,
-    ) {
+    pub fn add(&mut self, signatures: Vec<(Transmission, Signature)>, manifold: Option<&Manifold>) {
         let references: Vec<&Signature> = signatures.iter().map(|s| &s.1).collect();
         self.one_direction = one_direction(&references);
         let seen = |(transmission, signature): (Transmission, Signature)| SatelliteArrival {
             sv: transmission.sv,
-            sample_snr: signature.snr / (rate_hz * transmission.signal.period_s()),
+            cn0_dbhz: 10.0 * (signature.snr / transmission.signal.period_s()).log10(),
             arrival: manifold.and_then(|m| arrival(m, &signature)),
             signature,
             predicted: None,
@@ -113,25 +93,14 @@ impl ArraySky {
         }
     }
 
-    /// Sources found without codes that no satellite explains: farther from each than half a beamwidth and
-    /// five standard deviations.
-    pub fn unexplained(&self) -> impl Iterator<Item = &Source> {
-        let elements = self.picture.as_ref().map_or(1, |p| p.elements) as f64;
-        let found = self.picture.iter().flat_map(|p| &p.sources);
-        found.filter(move |source| {
-            let arrivals = self.satellites.iter().filter_map(|s| s.arrival.as_ref());
-            let apart =
-                |a: &Arrival| (a.point[0] - source.point[0]).hypot(a.point[1] - source.point[1]);
-            let reach = 1.0 / elements + 5.0 * source.sigma[0].hypot(source.sigma[1]);
-            arrivals.map(apart).all(|d| d > reach)
-        })
+    /// Sources in which no code was found.
+    pub fn unexplained(&self) -> impl Iterator<Item = &SkySource> {
+        self.picture.iter().flat_map(|p| &p.sources).filter(|s| s.sv.is_none())
     }
 
-    /// Number of sources found without despreading: by direction or by their code periods, whichever is
-    /// larger.
+    /// Number of sources found before despreading.
     pub fn sources(&self) -> usize {
-        let by_direction = self.picture.as_ref().map_or(0, |p| p.sources.len());
-        by_direction.max(self.blind.as_ref().map_or(0, |b| b.signals))
+        self.picture.as_ref().map_or(0, |p| p.sources.len())
     }
 
     /// Warnings for the user.

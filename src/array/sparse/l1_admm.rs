@@ -26,7 +26,7 @@
 use super::admm_kernel::{Decomposition, Parameters, State, iterate};
 use super::lanes::{Block, Entry, LANES, Packed, matrix};
 use super::mirrored::real_form;
-use super::problem::{Penalty, SparseError, check, median_modulus, objective, positive};
+use super::problem::{Penalty, SparseError, SparseEstimate, check, objective, positive, scale};
 use crate::array::CMat;
 use faer::prelude::*;
 use num_complex::Complex64;
@@ -85,19 +85,6 @@ impl AdmmSettings {
     }
 }
 
-/// An estimate, and its accuracy.
-#[derive(Clone, Debug)]
-pub struct SparseEstimate {
-    /// X, L x N.
-    pub x: CMat,
-    /// gamma pen(X) + sum |Y - A X|.
-    pub objective: f64,
-    /// Bound on (objective - optimum) / objective.
-    pub gap: f64,
-    /// Number of iterations.
-    pub iterations: usize,
-}
-
 /// A decomposed dictionary.
 pub struct AdmmPlan<'a> {
     a: &'a CMat,
@@ -142,7 +129,7 @@ impl<'a> AdmmPlan<'a> {
         check(self.a, y)?;
         settings.check()?;
         let (l, n) = (self.a.ncols(), y.ncols());
-        let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
+        let Some(unit) = scale(y) else { return Ok(SparseEstimate::nothing(l, n)) };
         let shrink_x = settings.gamma * settings.c;
         let parameters = Parameters {
             shrink_x: shrink_x as f32,
@@ -219,7 +206,7 @@ pub fn solve_exactly(
     check(a, y)?;
     settings.check()?;
     let (l, n) = (a.ncols(), y.ncols());
-    let Some(unit) = scale(y) else { return Ok(nothing(l, n)) };
+    let Some(unit) = scale(y) else { return Ok(SparseEstimate::nothing(l, n)) };
     let identity = CMat::identity(l, l);
     let gram = Cholesky::new(&(identity + a.adjoint() * a))
         .ok_or(SparseError::NoConvergence { doing: "Cholesky factor of I + A^H A" })?;
@@ -314,16 +301,4 @@ fn left_of_rows(state: &[State], rows: usize, by: f64) -> Vec<f32> {
         }
     }
     powers.into_iter().flat_map(|p| [kept_of(p.sqrt(), by) as f32; LANES]).collect()
-}
-
-/// The scale of the snapshots: the median modulus, or where that is 0 the largest; `None` of zeros alone.
-fn scale(y: &CMat) -> Option<f64> {
-    let largest = y.norm_max();
-    let median = median_modulus(y);
-    (largest > 0.0).then_some(if median > 0.0 { median } else { largest })
-}
-
-/// The estimate without any signal.
-fn nothing(l: usize, n: usize) -> SparseEstimate {
-    SparseEstimate { x: CMat::zeros(l, n), objective: 0.0, gap: 0.0, iterations: 0 }
 }

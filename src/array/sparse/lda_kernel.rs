@@ -18,7 +18,8 @@ pub(super) struct State {
     /// X, the upper part of Z.
     pub x: Block,
     e: Block,
-    lambda: Block,
+    /// Lam.
+    pub lambda: Block,
     product: Block,
     left: Vec<f32>,
 }

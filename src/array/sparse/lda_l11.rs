@@ -37,12 +37,13 @@
 
 use super::lanes::{Block, LANES, matrix};
 use super::lda_kernel::{Kernel, State};
-use super::problem::{SparseError, check, positive};
+use super::problem::{SparseError, SparseEstimate, check, positive};
 use crate::array::CMat;
 use crate::gnss::random::SplitMix64;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatRef, Par};
 use num_complex::Complex64;
+use rayon::prelude::*;
 use sdr_rx_linalg::thin_svd;
 
 /// Dependence of the step s_k on the iteration.
@@ -146,6 +147,74 @@ pub fn stability_bound(dictionary: &CMat, gamma: f64) -> Result<f64, SparseError
         .ok_or(SparseError::NoConvergence { doing: "largest singular value of the dictionary" })?;
     let largest = values.into_iter().fold(0.0, f64::max);
     Ok(4.0 / (largest * largest + gamma * gamma))
+}
+
+/// Stages of [`solve_in_stages`] with smaller and smaller steps, the iterations of each, and those of the last average
+/// at most; iterations between two samples of an average.
+const STAGES: usize = 5;
+const STAGE: usize = 1000;
+const LONGEST: usize = 32_000;
+const SAMPLE: usize = 5;
+
+/// Algorithm 1 in stages, in single precision: in each the step in Z is halved and that in Lam doubled, which keeps the
+/// bound of stability. With the steps of the last, Z and Lam are averaged over stretches twice as long each time, until
+/// the duality gap is below `gap`. A constant step ends some per cent above the optimum. Lam0 is 0; of the settings
+/// gamma, Z0, and the first eta and mu are used.
+///
+/// Returns X, the multiplier -2 gamma Lam of the dual problem ([`SparseEstimate::certified`]), and the number of
+/// iterations.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_in_stages(
+    a: &CMat,
+    y: &CMat,
+    settings: &LdaSettings,
+    gap: f64,
+) -> Result<(CMat, CMat, usize), SparseError> {
+    check(a, y)?;
+    settings.check()?;
+    let (m, l, n) = (a.nrows(), a.ncols(), y.ncols());
+    let z0 = settings.z0.matrix("Z0", l + m, n)?;
+    let start = |first: usize| {
+        let block = |matrix: MatRef<_>| Block::of(matrix, first, 1.0);
+        let (x, e) = (z0.subrows(0, l), z0.subrows(l, m));
+        State::new(block(y.as_ref()), block(x), block(e), Block::zeros(m))
+    };
+    let mut state: Vec<State> = (0..n).step_by(LANES).map(start).collect();
+    let largest = reach(y);
+    let (mut eta, mut mu) = (settings.eta, settings.mu);
+    let (mut done, mut length) = (0, STAGE);
+    for stage in 1.. {
+        let kernel = Kernel::new(a, settings.gamma as f32, mu as f32);
+        let steps = [eta as f32; SAMPLE];
+        let is_last = stage >= STAGES;
+        let (mut x, mut multiplier) = (CMat::zeros(l, n), CMat::zeros(m, n));
+        for _ in (0..length).step_by(SAMPLE) {
+            state.par_iter_mut().for_each(|block| kernel.iterate(block, &steps));
+            if is_last {
+                x += matrix(l, n, |b| &state[b].x);
+                multiplier += matrix(m, n, |b| &state[b].lambda);
+            }
+        }
+        done += length;
+        diverged(reach(&matrix(l, n, |b| &state[b].x)), largest, done, a, settings)?;
+        if is_last {
+            let gamma = settings.gamma;
+            let mean = |sum: CMat, scale: f64| {
+                sum * faer::Scale(Complex64::from(scale * SAMPLE as f64 / length as f64))
+            };
+            let (x, multiplier) = (mean(x, 1.0), mean(multiplier, -2.0 * gamma));
+            let certified = SparseEstimate::certified(a, y, x, &multiplier, gamma, done);
+            if certified.gap < gap || length >= LONGEST {
+                return Ok((certified.x, multiplier, done));
+            }
+            length *= 2;
+        } else {
+            (eta, mu) = (0.5 * eta, 2.0 * mu);
+        }
+    }
+    unreachable!("the loop ends at the longest stage")
 }
 
 /// Returns an error when the iteration has diverged.

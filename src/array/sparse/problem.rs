@@ -70,6 +70,50 @@ pub enum Penalty {
     Rows,
 }
 
+/// An estimate, and its accuracy.
+#[derive(Clone, Debug)]
+pub struct SparseEstimate {
+    /// X, L x N.
+    pub x: CMat,
+    /// gamma pen(X) + sum |Y - A X|.
+    pub objective: f64,
+    /// Bound on (objective - optimum) / objective: the duality gap.
+    pub gap: f64,
+    /// Number of iterations.
+    pub iterations: usize,
+}
+
+impl SparseEstimate {
+    /// An estimate of the l1,1 problem with the distance from its optimum. A multiplier L (M x N) with |L| <= 1 and
+    /// |A^H L| <= gamma, to which each column is scaled, is feasible in the dual problem, max Re <L, Y>: the optimum
+    /// lies between that value and the objective.
+    pub fn certified(
+        a: &CMat,
+        y: &CMat,
+        x: CMat,
+        multiplier: &CMat,
+        gamma: f64,
+        iterations: usize,
+    ) -> Self {
+        let objective = objective(a, y, &x, Penalty::L11, gamma);
+        let correlation = a.adjoint() * multiplier;
+        let value = |k: usize| -> f64 {
+            let most = |matrix: &CMat| matrix.col(k).iter().map(|z| z.norm()).fold(0.0, f64::max);
+            let beyond = most(multiplier).max(most(&correlation) / gamma).max(1.0);
+            let pairs = multiplier.col(k).iter().zip(y.col(k).iter());
+            pairs.map(|(l, y)| (l.conj() * y).re).sum::<f64>() / beyond
+        };
+        let dual: f64 = (0..y.ncols()).map(value).sum();
+        let gap = ((objective - dual) / objective).max(0.0);
+        Self { x, objective, gap, iterations }
+    }
+
+    /// Without any signal.
+    pub(super) fn nothing(rows: usize, columns: usize) -> Self {
+        Self { x: CMat::zeros(rows, columns), objective: 0.0, gap: 0.0, iterations: 0 }
+    }
+}
+
 /// gamma pen(X) + sum |Y - A X|.
 pub fn objective(a: &CMat, y: &CMat, x: &CMat, penalty: Penalty, gamma: f64) -> f64 {
     let pen = match penalty {
@@ -89,8 +133,15 @@ fn sum_modulus(matrix: &CMat) -> f64 {
     matrix.col_iter().flat_map(|c| c.iter()).map(|z| z.norm_sqr().sqrt()).sum()
 }
 
+/// The scale of the snapshots: the median modulus, or where that is 0 the largest; `None` of zeros alone.
+pub(super) fn scale(y: &CMat) -> Option<f64> {
+    let largest = y.norm_max();
+    let median = median_modulus(y);
+    (largest > 0.0).then_some(if median > 0.0 { median } else { largest })
+}
+
 /// Median of the moduli (the upper one of two); 0 of an empty matrix.
-pub(super) fn median_modulus(matrix: &CMat) -> f64 {
+fn median_modulus(matrix: &CMat) -> f64 {
     let mut powers: Vec<f64> =
         matrix.col_iter().flat_map(|c| c.iter()).map(|z| z.norm_sqr()).collect();
     if powers.is_empty() {
