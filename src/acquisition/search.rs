@@ -11,9 +11,12 @@
 //! cell to cell than those of noise do, as under a carrier or a strong satellite, it has as many looks as its spread
 //! shows ([`super::statistics`]).
 
+mod fan;
+
 use super::subtract::subtract;
 use super::{Acquisition, cross_correlation, statistics};
 use crate::gnss::{Signal, Sv, Transmission, signal};
+use fan::Fan;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx_linalg::{Fft, forward_transform, inverse_transform};
@@ -106,6 +109,8 @@ pub struct SearchPlan {
     inverse: Arc<dyn Fft<f32>>,
     /// Conjugate spectra of the codes, one per transmission.
     codes: Vec<Vec<Complex32>>,
+    /// Beams of the channels, of norm 1.
+    beams: Vec<Vec<Complex32>>,
 }
 
 /// Standard deviations by which the spread of a row exceeds that of noise before it is not noise.
@@ -199,7 +204,33 @@ impl SearchPlan {
             .collect();
         let (period_s, chips) = (signal.period_s(), signal.chips as f64);
         let periods = (options.coherent_ms as f64 * 1e-3 / period_s).round().max(1.0) as usize;
-        Ok(Self { options, rate_hz, period_s, periods, chips, bins, forward, inverse, codes })
+        let beams = Vec::new();
+        Ok(Self {
+            options,
+            rate_hz,
+            period_s,
+            periods,
+            chips,
+            bins,
+            forward,
+            inverse,
+            codes,
+            beams,
+        })
+    }
+
+    /// The same search, which also decides on the power of each of these beams of the channels (one weight a channel),
+    /// in all of which the noise is alike. The false-alarm probability is divided between the beams and the sum of the
+    /// channels' powers. Beams are formed of the correlations, so they cost no transforms.
+    pub fn with_beams(mut self, beams: &[Vec<Complex64>]) -> Self {
+        let unit = |beam: &Vec<Complex64>| {
+            let norm = beam.iter().map(|w| w.norm_sqr()).sum::<f64>().sqrt();
+            beam.iter()
+                .map(|w| Complex32::new((w.re / norm) as f32, (w.im / norm) as f32))
+                .collect()
+        };
+        self.beams = beams.iter().map(unit).collect();
+        self
     }
 
     /// Samples of one coherent window.
@@ -231,7 +262,12 @@ impl SearchPlan {
 
     /// Threshold of the statistic after `windows` non-coherent sums.
     pub fn threshold(&self, windows: usize) -> f64 {
-        statistics::threshold(self.options.false_alarm, windows as f64, self.cells())
+        statistics::threshold(self.options.false_alarm, windows as f64, self.cells() * self.tests())
+    }
+
+    /// Tests of each cell: with beams also theirs, which have half of the false-alarm probability.
+    fn tests(&self) -> f64 {
+        if self.beams.is_empty() { 1.0 } else { 2.0 }
     }
 
     /// Searches the samples of one channel (baseband) and returns the satellites that noise, or the cross-correlation
@@ -295,11 +331,13 @@ impl SearchPlan {
             return Ok(Vec::new());
         }
         let threshold = self.threshold(looks);
+        let is_whole = looks == windows * channels.len();
+        let fan = (is_whole && !self.beams.is_empty()).then(|| Fan::new(self, windows));
         let best: Vec<Best> = wanted
             .par_iter()
             .map(|&k| {
                 let cycles_per_chip = self.options.satellites[k].cycles_per_chip();
-                self.search_one(&self.codes[k], cycles_per_chip, &folded, threshold)
+                self.search_one(&self.codes[k], cycles_per_chip, &folded, threshold, fan.as_ref())
             })
             .collect();
         let mut floors: Vec<f64> = best.iter().map(|b| b.floor).collect();
@@ -343,7 +381,7 @@ impl SearchPlan {
     fn acquisition(&self, transmission: Transmission, peak: &Peak) -> Acquisition {
         let delay = peak.bin as f64 / self.bins as f64 * self.chips;
         let snr = (peak.power - 1.0).max(1e-3);
-        let cell = peak.ln_false_alarm.exp().min(1.0);
+        let cell = (peak.ln_false_alarm.exp() * self.tests()).min(1.0);
         Acquisition {
             transmission,
             doppler_hz: peak.index as f64 * self.doppler_step(),
@@ -533,6 +571,7 @@ impl SearchPlan {
         cycles_per_chip: f64,
         folded: &Folded,
         threshold: f64,
+        fan: Option<&Fan<'_>>,
     ) -> Best {
         let bins = self.bins;
         let looks = folded.windows.len();
@@ -543,6 +582,8 @@ impl SearchPlan {
         let (mut sound, mut doubtful): (Option<Peak>, Option<Peak>) = (None, None);
         let dopplers = self.dopplers().count();
         let mut floors = Vec::with_capacity(dopplers);
+        let mut kept = vec![Complex32::ZERO; if fan.is_some() { looks * bins } else { 0 }];
+        let mut advances = vec![0; looks];
         for index in self.dopplers() {
             for look in 0..looks {
                 self.multiply_row(code, index, look, folded, &mut product);
@@ -551,16 +592,41 @@ impl SearchPlan {
                 let (early, late) = product.split_at(bins - advance);
                 add_power(early, &mut power[advance..], look == 0);
                 add_power(late, &mut power[..advance], look == 0);
+                if fan.is_some() {
+                    kept[look * bins..(look + 1) * bins].copy_from_slice(&product);
+                    advances[look] = advance;
+                }
             }
             let (highest, total) = peak_and_sum(&power);
             floors.push(total);
             let statistic = f64::from(highest) * (looks * bins) as f64 / f64::from(total);
-            if statistic.is_nan() || statistic <= threshold {
+            if statistic.is_nan() {
                 continue;
             }
-            let peak = self.judge_row(&power, highest, statistic, looks, index);
+            let noise = f64::from(total) / (looks * bins) as f64;
+            let beam = fan.and_then(|fan| fan.strongest(&power, &kept, &advances, noise));
+            if statistic <= threshold && beam.is_none() {
+                continue;
+            }
+            let bin = power.iter().position(|&p| p == highest).unwrap_or(0);
+            let mut peak = self.judge_row(&power, bin, noise, looks, index);
+            if let Some(beam) = beam {
+                let row = self.judge_row(&power, beam.bin, noise, looks, index);
+                if let Some(of_beam) = beam.peak(&row, looks as f64, self.spread_error())
+                    && (statistic <= threshold || of_beam.ln_false_alarm < peak.ln_false_alarm)
+                {
+                    peak = of_beam;
+                } else if statistic <= threshold {
+                    continue;
+                }
+            }
             let best = if peak.ln_false_alarm < ln_limit { &mut sound } else { &mut doubtful };
-            if best.is_none_or(|b| b.statistic < peak.statistic) {
+            // Statistics of beams and of sums have different distributions.
+            let is_weaker = |b: Peak| match fan {
+                Some(_) => b.ln_false_alarm > peak.ln_false_alarm,
+                None => b.statistic < peak.statistic,
+            };
+            if best.is_none_or(is_weaker) {
                 *best = Some(peak);
             }
         }
@@ -571,17 +637,12 @@ impl SearchPlan {
         Best { sound: sound.map(over_noise), doubtful: doubtful.map(over_noise), floor }
     }
 
-    /// The peak of a row, judged by the other cells: by fewer looks where they vary more than noise does.
-    fn judge_row(
-        &self,
-        power: &[f32],
-        highest: f32,
-        statistic: f64,
-        looks: usize,
-        index: i64,
-    ) -> Peak {
+    /// A cell of a row, judged by the other cells: by fewer looks where they vary more than noise does. `noise` is the
+    /// mean power of one look.
+    fn judge_row(&self, power: &[f32], bin: usize, noise: f64, looks: usize, index: i64) -> Peak {
         let bins = self.bins;
-        let bin = power.iter().position(|&p| p == highest).unwrap_or(0);
+        let highest = power[bin];
+        let statistic = f64::from(highest) / noise;
         let beside = (PEAK_CHIPS * bins as f64 / self.chips).ceil() as usize;
         let rest = bins - 2 * beside - 1;
         let others = || (0..rest).map(|k| f64::from(power[(bin + beside + 1 + k) % bins]));

@@ -7,7 +7,7 @@ use crate::acquisition::{
 };
 use crate::array::code_periods::despread;
 use crate::array::sky::interference::Interference;
-use crate::array::{Beam, BeamKind, CMat, Signature};
+use crate::array::{Beam, BeamKind, CMat, Manifold, Signature};
 use crate::capture::Block;
 use crate::correlator::{CodeTable, SampleBuffer};
 use num_complex::Complex32;
@@ -19,8 +19,32 @@ use rayon::prelude::*;
 const CONFIRMED_DB: f64 = 6.0;
 const CONFIRMING: f64 = 4.0;
 
-/// Channels that a search sums at most; the other elements come in with the beams.
+/// Channels that a search sums at most, unless it is a deep one; the other elements come in with the beams.
 const SEARCHED_CHANNELS: usize = 8;
+/// Beams of a search, times the elements of a line, or the root of those of a plane each way.
+const FAN: f64 = 2.0;
+
+/// The channels that a search uses.
+#[derive(Clone, Copy)]
+pub(super) struct Channels<'a> {
+    /// At most so many.
+    pub(super) most: usize,
+    /// Where jammers were removed.
+    pub(super) interference: Option<&'a Interference>,
+    /// The array's geometry.
+    pub(super) manifold: Option<&'a Manifold>,
+}
+
+impl<'a> Channels<'a> {
+    /// Some of the channels; with one of them, one of several that have common noise.
+    pub(super) fn new(
+        channels: usize,
+        interference: Option<&'a Interference>,
+        manifold: Option<&'a Manifold>,
+    ) -> Self {
+        Self { most: channels.min(SEARCHED_CHANNELS), interference, manifold }
+    }
+}
 
 /// A satellite found.
 #[derive(Clone, Debug)]
@@ -62,20 +86,19 @@ pub(super) struct Region<'a> {
     pub(super) code_offset: f64,
 }
 
-/// Satellites in a block, over `most` of its channels, and at most [`SEARCHED_CHANNELS`]. Where jammers were
-/// removed the noise of the channels is correlated, and beams of independent noise replace them. Cross-correlations of
-/// satellites `known` beforehand are not returned.
+/// Satellites in a block. Where jammers were removed the noise of the channels is correlated, and beams of independent
+/// noise replace them. Where all elements of an array of known geometry are used, beams of their correlations decide
+/// too. Cross-correlations of satellites `known` beforehand are not returned.
 pub(super) fn search(
     block: &Block,
     rate_hz: f64,
     options: &SearchOptions,
-    most: usize,
-    interference: Option<&Interference>,
+    used: Channels<'_>,
     known: &[Acquisition],
 ) -> Result<Vec<Acquisition>, AcquisitionError> {
-    let count = block.channels().min(SEARCHED_CHANNELS).min(most).max(1);
+    let count = block.channels().min(used.most).max(1);
     let spread = |k: usize| k * block.channels() / count;
-    let beams = interference.map_or(Vec::new(), Interference::free_beams);
+    let beams = used.interference.map_or(Vec::new(), Interference::free_beams);
     let formed: Vec<Vec<Complex32>> = beams
         .par_iter()
         .take(count)
@@ -89,7 +112,17 @@ pub(super) fn search(
         true => (0..count).map(|k| block.channel(spread(k))).collect(),
         false => formed.iter().map(Vec::as_slice).collect(),
     };
-    SearchPlan::new(rate_hz, options.clone())?.search_channels(&channels, known)
+    let plan = SearchPlan::new(rate_hz, options.clone())?;
+    let fan = match used.manifold {
+        Some(manifold) if formed.is_empty() && count == manifold.elements() && count > 1 => {
+            let along =
+                if manifold.dimensions() < 2 { count as f64 } else { (count as f64).sqrt() };
+            let points = manifold.grid((FAN * along).ceil() as usize);
+            points.iter().map(|p| manifold.response(*p)).collect()
+        }
+        _ => Vec::new(),
+    };
+    plan.with_beams(&fan).search_channels(&channels, known)
 }
 
 impl Region<'_> {

@@ -1,7 +1,7 @@
 //! The start of a stream: gathered, searched and refined.
 
 use super::event::{Event, Notice};
-use super::find::{BeamFormer, Found, Region, search};
+use super::find::{BeamFormer, Channels, Found, Region, search};
 use super::judge::is_common_noise;
 use super::sky::see;
 use super::stages::Stages;
@@ -11,8 +11,8 @@ use crate::acquisition::{
     Acquisition, AcquisitionError, Refined, SearchOptions, common_code_offset,
     find_missing_samples, is_mirrored,
 };
-use crate::array::ArraySky;
 use crate::array::sky::interference::Interference;
+use crate::array::{ArraySky, Manifold};
 use crate::capture::Block;
 use crate::correlator::SampleBuffer;
 use crate::gnss::constants::WGS84_A;
@@ -152,26 +152,30 @@ pub(super) fn acquire_head(
     asked.coherent_ms = asked.coherent_ms.min(whole_ms).max(1);
     let mut surveyed = None;
     let searched = if head.common_noise { 1 } else { head.block.channels() };
+    let manifold = options.array.as_ref().filter(|_| searched > 1);
+    let manifold = manifold.map(|array| Manifold::new(array.in_enu()));
+    let mut used = Channels::new(searched, interference, manifold.as_ref());
     if searched > 1 {
         let survey = survey(&head.block, rate_hz, LONG_S, interference, options)?;
         asked.satellites.retain(|t| survey.cells.iter().all(|c| c.transmission != *t));
         surveyed = Some(survey);
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();
-    let search_rest = |asked: &SearchOptions| -> Result<Vec<Acquisition>, AcquisitionError> {
+    type Cells = Result<Vec<Acquisition>, AcquisitionError>;
+    let search_rest = |asked: &SearchOptions, used: Channels<'_>| -> Cells {
         let mut cells = known.clone();
         if !asked.satellites.is_empty() {
-            cells.extend(search(&head.block, rate_hz, asked, searched, interference, &known)?);
+            cells.extend(search(&head.block, rate_hz, asked, used, &known)?);
         }
         Ok(cells)
     };
-    let mut cells = search_rest(&asked)?;
+    let mut cells = search_rest(&asked, used)?;
     // An oscillator that is some ppm off shifts all Dopplers alike: few satellites, or all near one end.
     let sound = |cells: &[Acquisition]| cells.iter().filter(|c| c.cn0_dbhz > SOUND_DBHZ).count();
     let (low, high) = asked.doppler_hz;
     if sound(&cells) < FEW_SATELLITES && high - low < 2.0 * WIDE_HZ {
         let wide = SearchOptions { doppler_hz: (low - WIDE_HZ, high + WIDE_HZ), ..asked.clone() };
-        let all = search_rest(&wide)?;
+        let all = search_rest(&wide, used)?;
         if sound(&all) > sound(&cells) {
             let mut dopplers: Vec<f64> =
                 all.iter().filter(|c| c.cn0_dbhz > SOUND_DBHZ).map(|c| c.doppler_hz).collect();
@@ -179,7 +183,7 @@ pub(super) fn acquire_head(
             let middle = dopplers[dopplers.len() / 2];
             asked.doppler_hz = (low + middle, high + middle);
             emit(Event::Notice(Notice::Oscillator { offset_hz: middle }));
-            cells = search_rest(&asked)?;
+            cells = search_rest(&asked, used)?;
         }
     }
     // One at an end: others are beyond it.
@@ -194,7 +198,7 @@ pub(super) fn acquire_head(
         if high - low > 2.0 * WIDE_HZ || rest.satellites.is_empty() || !cells.iter().any(is_near) {
             continue;
         }
-        let mut more = search(&head.block, rate_hz, &rest, searched, interference, &cells)?;
+        let mut more = search(&head.block, rate_hz, &rest, used, &cells)?;
         more.retain(|c| c.cn0_dbhz > SOUND_DBHZ && is_new(&c.transmission, &cells));
         if !more.is_empty() {
             let (low, high) = asked.doppler_hz;
@@ -207,7 +211,8 @@ pub(super) fn acquire_head(
     let is_complete = surveyed.as_ref().is_some_and(|s| s.is_complete);
     if cells.len() < ENOUGH_SATELLITES && deeper && !is_complete {
         asked.max_windows = deep;
-        cells = search_rest(&asked)?;
+        used.most = searched;
+        cells = search_rest(&asked, used)?;
     }
     let beams = &BeamFormer::new(options.beams, &head.block);
     let (block, buffers) = (&head.block, &head.buffers[..]);
@@ -280,9 +285,9 @@ fn most_in_view(height_m: f64) -> usize {
     (satellites * share + 2.0 * (satellites * share * (1.0 - share)).sqrt()) as usize
 }
 
-/// Windows of a deeper search: 16 of one channel, and with more channels half as many looks each.
+/// Windows of a deeper search: 16 of one channel, fewer of more channels, whose powers count too.
 pub(super) fn deep_windows(channels: usize) -> usize {
-    if channels == 1 { 16 } else { (32 / channels).max(2) }
+    if channels == 1 { 16 } else { (32 / channels).max(4) }
 }
 
 #[cfg(test)]

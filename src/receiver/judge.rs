@@ -1,6 +1,6 @@
 //! Whether a strong common component of the elements is a jammer, or common noise.
 
-use super::find::search;
+use super::find::{Channels, search};
 use crate::acquisition::SearchOptions;
 use crate::capture::Block;
 
@@ -21,7 +21,8 @@ pub(super) fn is_common_noise(
     let seen = |block: &Block, most: usize| {
         let mut start = block.clone();
         start.truncate((JUDGED_S * rate_hz) as usize);
-        let found = search(&start, rate_hz, asked, most, None, &[]).unwrap_or_default();
+        let used = Channels::new(most, None, None);
+        let found = search(&start, rate_hz, asked, used, &[]).unwrap_or_default();
         found.iter().filter(|a| a.cn0_dbhz > SOUND_DBHZ).count()
     };
     seen(untouched, 1) > seen(cleaned, cleaned.channels())

@@ -3,7 +3,7 @@
 
 use super::clock::ReceiverClock;
 use super::event::{Event, Notice};
-use super::find::{BeamFormer, Found, Region, search};
+use super::find::{BeamFormer, Channels, Found, Region, search};
 use super::head::{Head, HeadFound, deep_windows};
 use super::resolve::{Tracks, receive_origin, round_time};
 use super::sky::manifold;
@@ -351,8 +351,8 @@ impl Tracker {
         }
         let start = self.chunk.first_sample();
         let known: Vec<Acquisition> = self.tracks.iter().map(|t| t.at(start)).collect();
-        let interference = self.interference.as_ref();
-        search(&self.chunk, self.rate_hz, options, self.searched, interference, &known)
+        let used = Channels::new(self.searched, self.interference.as_ref(), None);
+        search(&self.chunk, self.rate_hz, options, used, &known)
     }
 
     /// Whether samples were lost or doubled since all satellites last agreed: if so, all is dated anew from there on.

@@ -66,7 +66,7 @@ fn score(looked: &Looked, truth: &[Truth]) -> (usize, usize) {
 }
 
 /// Number of draws, or `SDR_RX_DRAWS`.
-fn draws(standard: u64) -> u64 {
+pub fn draws(standard: u64) -> u64 {
     std::env::var("SDR_RX_DRAWS").ok().and_then(|v| v.parse().ok()).unwrap_or(standard)
 }
 

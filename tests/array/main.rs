@@ -4,6 +4,7 @@ mod capture;
 mod code_period_svd;
 #[path = "../common/mod.rs"]
 mod common;
+mod fan;
 mod jammer;
 mod look;
 mod methods;
