@@ -115,9 +115,9 @@ pub struct ImpulseReport {
     pub impulse_probability: f64,
     /// Variance of impulses over that of the background (geometric mean).
     pub variance_ratio: f64,
-    /// Loss of C/N0 against the background alone without suppression, dB.
+    /// Loss of C/N0 without suppression against the background of the two-component mixture alone, dB.
     pub untreated_loss_db: f64,
-    /// Loss of C/N0 against the background alone with suppression, dB.
+    /// The same with suppression; negative where the background itself has heavy tails, of which the map makes use.
     pub loss_db: f64,
 }
 

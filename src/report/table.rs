@@ -47,12 +47,11 @@ pub fn noise_line(run: &Run) -> String {
             _ => String::new(),
         };
         format!(
-            "\n  noise       impulsive{part}: {:.2} % at {:.3e} times the background's power; suppressed ({}), which costs {:.2} dB instead of {:.1} dB\n",
+            "\n  noise       impulsive{part}: {:.2} % at {:.3e} times the background's power; suppressed ({}), which gains {:.1} dB\n",
             100.0 * noise.impulse_probability,
             noise.variance_ratio,
             noise.suppression,
-            noise.loss_db,
-            noise.untreated_loss_db
+            noise.untreated_loss_db - noise.loss_db
         )
     })
 }

@@ -24,7 +24,7 @@ use basis::Basis;
 use floor::Powers;
 use look::Look;
 use num_complex::Complex32;
-use treatment::{Tools, Treatment, db};
+use treatment::{MemorylessMap, Tools, Treatment, db};
 
 /// Signal by which a treatment is chosen, s.
 const CHOICE_S: f64 = 0.02;
@@ -32,7 +32,7 @@ const CHOICE_S: f64 = 0.02;
 /// gain each next one waits twice as long, up to the most.
 const PATIENCE: usize = 10;
 const MOST_PATIENCE: usize = 640;
-/// Power in the code's band, dB, by which the output may rise before another treatment is looked for.
+/// Noise over the gain of a weak signal, dB, by which a treatment may get worse before another one is looked for.
 const WORSE_DB: f64 = 1.0;
 /// Blocks without which nothing is named.
 const MIN_NAMED_BLOCKS: usize = 16;
@@ -52,6 +52,8 @@ pub struct Excisor {
     /// Chunks until the next choice is allowed.
     wait: usize,
     patience: usize,
+    /// Median power of the samples of the last choice.
+    level: f32,
     look: Look,
     /// Raw samples before those that wait.
     history: Vec<Complex32>,
@@ -67,12 +69,14 @@ pub struct Excisor {
 #[derive(Clone)]
 struct Treating {
     how: Treatment,
-    /// Power in the code's band after it when it was chosen.
-    power: f64,
-    /// Power of what it removed over that of what it left.
-    removed: f64,
+    /// Noise over the gain of a weak signal when it was chosen.
+    chosen: f64,
+    /// Power of the noise of a sample, as far as what it left shows it.
+    noise: f64,
     /// Chunks without interference.
     quiet: usize,
+    /// Chunks since it was chosen.
+    age: usize,
 }
 
 impl Excisor {
@@ -84,6 +88,7 @@ impl Excisor {
             state: None,
             wait: 0,
             patience: PATIENCE,
+            level: 0.0,
             look: Look::default(),
             history: Vec::new(),
             held: Vec::new(),
@@ -114,7 +119,7 @@ impl Excisor {
         let ready = self.held.len() - kept;
         block.reset(1, ready, self.next);
         block.channel_mut(0).copy_from_slice(&treated[before..before + ready]);
-        self.measure(&window[before..before + ready], block.channel(0));
+        self.measure(&window[before..before + ready]);
         self.held.drain(..ready);
         self.next += ready as u64;
         window.truncate(before + ready);
@@ -173,33 +178,47 @@ impl Excisor {
         let hit = self.look.is_hit(&mut self.tools, samples, all);
         if let Some(state) = &mut self.state {
             state.quiet = if hit { 0 } else { state.quiet + 1 };
-            if state.quiet >= PATIENCE {
-                self.state = None;
+            state.age += 1;
+            let is_stale = hit && state.age.is_multiple_of(PATIENCE) && {
+                let now = self.tools.scored_now(middle(samples, self.info.rate_hz), &state.how);
+                now.is_some_and(|now| db(now.noise / state.chosen) > WORSE_DB)
+            };
+            if state.quiet < PATIENCE && !is_stale {
+                return;
             }
-            return;
+            self.state = None;
         }
-        if hit && self.wait == 0 {
+        // What is stronger now may be worth treating now.
+        let is_stronger = || db((median_power(samples) / self.level).into()) > WORSE_DB;
+        if hit && (self.wait == 0 || is_stronger()) {
             self.choose(samples);
         }
     }
 
     fn choose(&mut self, samples: &[Complex32]) {
+        self.level = median_power(samples);
         self.wait = self.patience;
         self.patience = (2 * self.patience).min(MOST_PATIENCE);
-        let count = ((CHOICE_S * self.info.rate_hz) as usize).min(samples.len());
-        let start = (samples.len() - count) / 2;
-        let part = &samples[start..start + count];
-        if let Some(chosen) = self.tools.choose(part) {
-            let power = chosen.score.noise * chosen.score.gain.powi(2);
-            let raw = self.tools.power_in_band(part);
-            let removed = raw / power.max(f64::MIN_POSITIVE);
+        let chosen = self.tools.choose(middle(samples, self.info.rate_hz));
+        if let Some(chosen) = chosen {
+            // What is cut takes of the noise what it takes of a weak signal's amplitude. Of a ring the noise along its
+            // radius alone is left.
+            let is_ring = chosen.treatment.map == Some(MemorylessMap::Envelope);
+            let left = chosen.score.gain * if is_ring { 2.0 } else { 1.0 };
+            let noise = (chosen.score.noise * left).max(f64::MIN_POSITIVE);
             self.patience = PATIENCE;
-            self.state = Some(Treating { how: chosen.treatment, power, removed, quiet: 0 });
+            self.state = Some(Treating {
+                how: chosen.treatment,
+                chosen: chosen.score.noise,
+                noise,
+                quiet: 0,
+                age: 0,
+            });
         }
     }
 
-    /// Names what was treated, and sees whether the treatment still serves.
-    fn measure(&mut self, raw: &[Complex32], treated: &[Complex32]) {
+    /// Names what was treated.
+    fn measure(&mut self, raw: &[Complex32]) {
         let longest = self.tools.lengths()[0];
         let is_quiet = self.state.as_ref().is_some_and(|state| state.quiet > 0);
         if raw.len() < MIN_NAMED_BLOCKS * longest || is_quiet {
@@ -209,17 +228,14 @@ impl Excisor {
         let powers = Powers::of(transform, raw, longest / 4);
         let StreamInfo { rate_hz, if_hz, real, .. } = self.info;
         let mut now = Vec::new();
-        let power = self.tools.power_in_band(treated);
-        if let Some(state) = &mut self.state {
+        if let Some(state) = &self.state {
             if names::is_of_lines(&state.how, rate_hz) {
                 now = names::lines(&powers, rate_hz, if_hz, real);
             }
             if now.is_empty() {
-                now.extend(names::others(&state.how, rate_hz, (state.removed - 1.0).max(1e-3)));
-            }
-            if db(power / state.power) > WORSE_DB && self.wait == 0 {
-                // What was chosen no longer serves.
-                state.quiet = PATIENCE;
+                let all = raw.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>();
+                let excess = all / raw.len() as f64 / state.noise - 1.0;
+                now.extend(names::others(&state.how, rate_hz, excess.max(1e-3)));
             }
         }
         for mut interferer in now {
@@ -238,6 +254,21 @@ impl Excisor {
             }
         }
     }
+}
+
+/// The samples by which a treatment is chosen.
+fn middle(samples: &[Complex32], rate_hz: f64) -> &[Complex32] {
+    let count = ((CHOICE_S * rate_hz) as usize).min(samples.len());
+    let start = (samples.len() - count) / 2;
+    &samples[start..start + count]
+}
+
+/// Median power of some of the samples.
+fn median_power(samples: &[Complex32]) -> f32 {
+    let step = (samples.len() / 1024).max(1);
+    let mut powers: Vec<f32> = samples.iter().step_by(step).map(Complex32::norm_sqr).collect();
+    let middle = powers.len() / 2;
+    if powers.is_empty() { 0.0 } else { *powers.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }
 
 /// Whether two findings are of one interferer.

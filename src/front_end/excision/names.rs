@@ -231,14 +231,14 @@ impl Spectrum {
     }
 }
 
-/// What is no line: named by the treatment. `removed` is its power over that of the noise.
-pub(super) fn others(treatment: &Treatment, rate_hz: f64, removed: f64) -> Option<Interferer> {
+/// What is no line: named by the treatment. `to_noise` is its power over that of the noise.
+pub(super) fn others(treatment: &Treatment, rate_hz: f64, to_noise: f64) -> Option<Interferer> {
     let kind = match treatment.bases.iter().find(|basis| basis.chirp != 0.0) {
         Some(basis) => InterfererKind::Sweep { rate_hz_s: basis.chirp * rate_hz * rate_hz },
         None if treatment.map == Some(MemorylessMap::Envelope) => InterfererKind::ConstantEnvelope,
         None => InterfererKind::Pulses,
     };
-    Some(interferer(kind, removed))
+    Some(interferer(kind, to_noise))
 }
 
 /// Whether a treatment is of lines.

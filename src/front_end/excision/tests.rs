@@ -1,6 +1,7 @@
 //! Loss of signal-to-noise ratio of a weak code against noise alone without treatment, by correlation.
 
 use super::*;
+use crate::gnss::signal::GPS_L1_CA;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -39,7 +40,9 @@ fn code(n: usize) -> Vec<Complex32> {
     let chips: Vec<f32> = (0..n).map(|_| if rng.random::<bool>() { 1.0 } else { -1.0 }).collect();
     // Whatever passes signals of one phase alone shows.
     let phase = |k: usize| Complex32::cis((TAU * 137.0 / RATE_HZ * k as f64) as f32);
-    (0..n).map(|k| phase(k) * chips[(k as f64 * 1.023e6 / RATE_HZ) as usize]).collect()
+    (0..n)
+        .map(|k| phase(k) * chips[(k as f64 * GPS_L1_CA.chip_rate_hz / RATE_HZ) as usize])
+        .collect()
 }
 
 /// What comes out of an excisor, and the excisor.
@@ -222,6 +225,9 @@ fn what_is_lost_to_interference_is_near_what_it_must_cost() {
         matches!(sweep_of, InterfererKind::Sweep { rate_hz_s } if near(rate_hz_s)),
         "{sweep_of:?}"
     );
+    let is_of =
+        |excisor: &Excisor, db: f64| (excisor.interferers()[0].to_noise_db - db).abs() < 1.0;
+    assert!(is_of(&excisor, 40.0), "{:?}", excisor.interferers());
     let fast = add(&quiet, strong, sweep(2e6, 20e-6, false));
     let (loss, excisor) = measured("fast sweep", &fast, &quiet);
     let comb = excisor.interferers()[0].kind;
@@ -232,12 +238,42 @@ fn what_is_lost_to_interference_is_near_what_it_must_cost() {
     let (loss, excisor) = measured("free-running fast sweep", &free, &quiet);
     assert!(loss < 3.01 + 0.2, "{loss}");
     assert_eq!(excisor.interferers()[0].kind, InterfererKind::ConstantEnvelope);
+    assert!(is_of(&excisor, 40.0), "{:?}", excisor.interferers());
     let inner = tone(210e3);
     let pulse = |n: usize| if n % 2600 < 260 { inner(n) } else { Complex32::ZERO };
     let pulsed = add(&quiet, amplitude(30.0), pulse);
     let (loss, excisor) = measured("pulses", &pulsed, &quiet);
     assert!(loss < 0.6, "{loss}");
     assert_eq!(excisor.interferers()[0].kind, InterfererKind::Pulses);
+    // A tenth of the time 30 dB.
+    assert!(is_of(&excisor, 20.0), "{:?}", excisor.interferers());
+}
+
+/// Prints the loss to each kind at each power.
+#[test]
+#[ignore = "long"]
+fn table_of_losses() {
+    let n = 2 * CHUNK;
+    let quiet = noise(n, 1);
+    let band = narrow(n, 50e3);
+    for jn_db in [0.0, 10.0, 20.0, 40.0, 60.0] {
+        println!("{jn_db} dB over the noise");
+        let a = amplitude(jn_db);
+        let inner = tone(210e3);
+        let tones = [-400e3, 12.3e3, 150e3, 610e3].map(tone);
+        let pulse = |n: usize| if n % 2600 < 260 { inner(n) } else { Complex32::ZERO };
+        measured("tone", &add(&quiet, a, tone(12.3e3)), &quiet);
+        measured("offset", &add(&quiet, a, tone(0.0)), &quiet);
+        measured("tone at 300 kHz", &add(&quiet, a, tone(300e3)), &quiet);
+        measured("tone at 1.2 MHz", &add(&quiet, a, tone(1.2e6)), &quiet);
+        let four = add(&quiet, a * 0.5, |n| tones.iter().map(|tone| tone(n)).sum());
+        measured("four tones", &four, &quiet);
+        measured("narrow noise", &add(&quiet, a, |n| band[n]), &quiet);
+        measured("sweep of 1 ms", &add(&quiet, a, sweep(2e6, 1e-3, true)), &quiet);
+        measured("sweep of 20 us", &add(&quiet, a, sweep(2e6, 20e-6, false)), &quiet);
+        measured("the same, free-running", &add(&quiet, a, sweep(2e6, 20e-6, true)), &quiet);
+        measured("pulses", &add(&quiet, a, pulse), &quiet);
+    }
 }
 
 /// One sample in ten of a thousand times the variance costs 0.48 dB alone.
@@ -268,4 +304,21 @@ fn a_treatment_ends_a_second_after_its_interference() {
     assert!(out[13 * CHUNK..] == quiet[13 * CHUNK..]);
     let there = excisor.interferers()[0].time_fraction;
     assert!((there - 2.5 / 14.0).abs() < 1.0 / 14.0, "{there}");
+}
+
+#[test]
+fn a_tone_that_becomes_a_sweep_is_treated_anew() {
+    let n = 16 * CHUNK;
+    let quiet = noise(n, 1);
+    let (at_first, mut later) = (tone(12.3e3), sweep(2e6, 1e-3, true));
+    let with = add(&quiet, amplitude(30.0), |k| if k < 2 * CHUNK { at_first(k) } else { later(k) });
+    let (out, excisor) = excised(&with);
+    let kinds: Vec<InterfererKind> = excisor.interferers().iter().map(|i| i.kind).collect();
+    let is_sweep = |kind: &InterfererKind| matches!(kind, InterfererKind::Sweep { .. });
+    assert!(kinds.iter().any(is_sweep), "{kinds:?}");
+    // What is left of 30 dB in the last chunks: less than the noise.
+    let power = |x: &[Complex32]| x.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>();
+    let end = 13 * CHUNK..15 * CHUNK;
+    let left = power(&out[end.clone()]) / power(&quiet[end]);
+    assert!(left < 2.0, "{left}");
 }

@@ -232,14 +232,19 @@ impl Tools {
         Score { noise, gain }
     }
 
-    /// Mean power spectrum weighted by the spectrum of the code.
-    pub(super) fn power_in_band(&mut self, samples: &[Complex32]) -> f64 {
+    /// Mean power spectrum weighted by the spectrum of the code's replica.
+    fn power_in_band(&mut self, samples: &[Complex32]) -> f64 {
         let transform = self.transform(Basis { length: SPECTRUM_BINS, chirp: 0.0 });
         let spectrum = Powers::of(transform, samples, SPECTRUM_BINS / 2).means();
-        let chip_rate_hz = GPS_L1_CA.chip_rate_hz;
-        let code = |offset_hz: f64| {
-            let x = PI * offset_hz / chip_rate_hz;
-            if x == 0.0 { 1.0 } else { (x.sin() / x).powi(2) }
+        // Of a replica of rectangular chips as it is sampled, aliases included: the transform of its triangle.
+        let samples_per_chip = self.rate_hz / GPS_L1_CA.chip_rate_hz;
+        let code = |offset_hz: f64| -> f64 {
+            let lags = 1..samples_per_chip.ceil() as usize;
+            let term = |n: usize| {
+                (1.0 - n as f64 / samples_per_chip)
+                    * (TAU * offset_hz / self.rate_hz * n as f64).cos()
+            };
+            1.0 + 2.0 * lags.map(term).sum::<f64>()
         };
         let (mut sum, mut weights) = (0.0, 0.0);
         for (k, power) in spectrum.iter().enumerate() {
@@ -282,6 +287,14 @@ impl Tools {
         received.iter_mut().zip(shape.amplitudes(len)).for_each(|(x, a)| *x *= a / len as f32);
         inverse_transform(len).process(&mut received);
         Some(Pilot { sent, received })
+    }
+
+    /// What a treatment gives on these samples.
+    pub(super) fn scored_now(&mut self, samples: &[Complex32], how: &Treatment) -> Option<Score> {
+        let known = self.impulses.clone();
+        let score = self.pilot(samples).map(|pilot| self.score(samples, &pilot, how));
+        self.impulses = known;
+        score
     }
 
     /// The best treatment of the samples, if any gains enough.
