@@ -21,8 +21,8 @@ pub use geometry::{
     paper_dictionary,
 };
 pub use sky::{
-    ArraySky, Beam, BeamKind, Jammer, LookCodes, LookError, LookOptions, Looked, Prediction,
-    SatelliteArrival, SkyEpoch, SkyPicture, SkySource, SparseLook, look,
+    ArraySky, Beam, BeamKind, Jammer, LookCodes, LookDecision, LookError, LookOptions, Looked,
+    Prediction, SatelliteArrival, SkyEpoch, SkyPicture, SkySource, SparseLook, look,
 };
 pub use sparse::{Engine, Penalty, SparseError, SparseOptions, reconstruct, solve};
 

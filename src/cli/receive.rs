@@ -5,7 +5,7 @@ use super::input::{Input, si_number};
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use sdr_rx::acquisition::SearchOptions;
-use sdr_rx::array::{BeamKind, Engine, LookOptions, SparseOptions};
+use sdr_rx::array::{BeamKind, Engine, LookDecision, LookOptions, SparseOptions};
 use sdr_rx::capture::StreamInfo;
 use sdr_rx::front_end::Suppression;
 use sdr_rx::gnss::antenna::ArrayDescription;
@@ -14,7 +14,7 @@ use sdr_rx::gnss::navigation_data::UtcParameters;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::signal::GPS_L1_CA;
 use sdr_rx::gnss::{Sv, signal};
-use sdr_rx::position::PositioningOptions;
+use sdr_rx::position::{Observable, PositioningOptions, Solver};
 use sdr_rx::receiver::ReceiverOptions;
 use std::path::PathBuf;
 
@@ -78,6 +78,15 @@ pub(super) struct Solve {
     /// Corrections of the ranges.
     #[command(flatten)]
     pub corrections: Corrections,
+    /// The methods of the papers alone, of an array of known geometry: papers is --engine lda with the row rule as the
+    /// decision, only the satellites in its sources, --solver aw-dgn-bt and --observable both, with nothing that takes over
+    #[arg(
+        long,
+        value_name = "METHODS",
+        conflicts_with_all = ["engine", "solver", "observable"],
+        help_heading = "Position"
+    )]
+    pub method: Option<MethodArg>,
     /// Time between fixes, s
     #[arg(long, value_name = "S", default_value_t = 1.0, help_heading = "Position")]
     pub interval: f64,
@@ -90,6 +99,13 @@ pub(super) struct Solve {
     /// Bandwidth of the delay-locked loop, Hz
     #[arg(long, value_name = "HZ", default_value_t = 0.5, help_heading = "Tracking")]
     pub dll_bw: f64,
+}
+
+/// `--method`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MethodArg {
+    /// Those of the papers on LDA-l1,1 and AW-DGN-BT.
+    Papers,
 }
 
 /// A list of satellites.
@@ -237,6 +253,9 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "search_windows": options.search.max_windows,
         "pfa": options.search.false_alarm,
         "array": options.array,
+        "decision": options.array.as_ref().map(|_| format!("{:?}", options.look.decision).to_lowercase()),
+        "searches_rest": options.searches_rest,
+        "takes_over": options.positioning.takes_over,
         "engine": options.array.as_ref().map(|_| format!("{:?}", options.look.sparse.engine).to_lowercase()),
         "beam": format!("{:?}", options.beams).to_lowercase(),
         "suppress": options.suppression.to_string(),
@@ -288,6 +307,18 @@ impl Solve {
             time_uncertainty_s: self.time_uncertainty,
             ..self.corrections.options()?
         };
+        if let Some(MethodArg::Papers) = self.method {
+            check(
+                options.array.is_some(),
+                "--method papers finds satellites by their directions: give the array's geometry by --array",
+            )?;
+            options.look.sparse.engine = Engine::Lda;
+            options.look.decision = LookDecision::Rows;
+            options.searches_rest = false;
+            options.positioning.solver = Solver::AwDgnBt;
+            options.positioning.takes_over = false;
+            options.positioning.observable = Observable::Both;
+        }
         Ok(())
     }
 }

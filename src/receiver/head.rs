@@ -157,7 +157,8 @@ pub(super) fn acquire_head(
     let mut used = Channels::new(searched, interference, manifold.as_ref());
     if searched > 1 {
         let survey = survey(&head.block, rate_hz, LONG_S, interference, options)?;
-        asked.satellites.retain(|t| survey.cells.iter().all(|c| c.transmission != *t));
+        let is_left = |t: &Transmission| survey.cells.iter().all(|c| c.transmission != *t);
+        asked.satellites.retain(|t| options.searches_rest && is_left(t));
         surveyed = Some(survey);
     }
     let known: Vec<Acquisition> = surveyed.iter().flat_map(|s| s.cells.clone()).collect();

@@ -75,6 +75,8 @@ pub struct ReceiverOptions {
     pub array: Option<ArrayDescription>,
     /// How an array looks for sources.
     pub look: LookOptions,
+    /// Whether satellites are also searched where a look at an array shows no source.
+    pub searches_rest: bool,
     /// How an array's beams to the satellites are made.
     pub beams: BeamKind,
     /// Suppression of impulsive noise, the first stage; [`Suppression::Auto`] also excises other interference from the
@@ -98,6 +100,7 @@ impl Default for ReceiverOptions {
             interval_s: 1.0,
             array: None,
             look: LookOptions::default(),
+            searches_rest: true,
             beams: BeamKind::default(),
             suppression: Suppression::default(),
             decimation: 1,

@@ -85,7 +85,7 @@ pub(super) fn survey(
         }
     };
     survey.cells = looked.found.iter().map(|f| f.acquisition).collect();
-    if elements <= FEW_ELEMENTS {
+    if elements <= FEW_ELEMENTS && options.searches_rest {
         let (low, high) = options.search.doppler_hz;
         let is_left = |t: &_| survey.cells.iter().all(|c| c.transmission != *t);
         let most = MOST_DECOMPOSED / elements;

@@ -314,7 +314,7 @@ impl Tracker {
             };
             cells.extend(self.search_chunk(&asked)?);
         }
-        if all {
+        if all && options.searches_rest {
             let tracked = |k: &Transmission| {
                 self.tracks.iter().any(|t| t.log.transmission == *k) || self.lost.contains_key(k)
             };

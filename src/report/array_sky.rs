@@ -2,8 +2,8 @@
 
 use super::Run;
 use crate::array::{
-    ArraySky, Arrival, Bearing, Engine, Jammer, Point, SatelliteArrival, SkyPicture, SkySource,
-    SparseLook,
+    ArraySky, Arrival, Bearing, Engine, Jammer, LookDecision, Point, SatelliteArrival, SkyPicture,
+    SkySource, SparseLook,
 };
 use crate::gnss::Sv;
 use serde::Serialize;
@@ -64,6 +64,9 @@ struct LookRecord {
     /// The solver of the sparse problem, where it ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     engine: Option<&'static str>,
+    /// What decided on directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decision: Option<&'static str>,
     /// Bound on the relative distance of its objective from the optimum.
     #[serde(skip_serializing_if = "Option::is_none")]
     duality_gap: Option<f64>,
@@ -183,6 +186,10 @@ impl LookRecord {
         Self {
             periods: picture.periods,
             engine: picture.sparse.as_ref().map(|s| engine_name(s.engine)),
+            decision: picture.sparse.as_ref().map(|_| match picture.decision {
+                LookDecision::Jane => "JANE",
+                LookDecision::Rows => "row rule",
+            }),
             duality_gap: picture.sparse.as_ref().map(|s| s.gap),
             sources: picture.sources.iter().map(SourceRecord::new).collect(),
             transforms: picture.transforms.0,
@@ -298,7 +305,11 @@ fn sources_text(sky: &ArraySky) -> String {
     let by = match &picture.sparse {
         None => String::new(),
         Some(SparseLook { engine, gap, snapshots, directions }) => format!(
-            ", directions by JANE from {} of {} (gap {gap:.1e}, {snapshots} snapshots)",
+            ", directions by {}{} of {} (gap {gap:.1e}, {snapshots} snapshots)",
+            match picture.decision {
+                LookDecision::Jane => "JANE from ",
+                LookDecision::Rows => "the rows, ",
+            },
             directions.len(),
             engine_name(*engine)
         ),

@@ -32,6 +32,28 @@ fn four_elements_find_six_satellites_and_the_position() -> Tested {
     line("ula4", &[])
 }
 
+/// LDA-l1,1 and its rows, and AW-DGN-BT on what is found in them: no other search and no other solver.
+#[test]
+fn the_methods_of_the_papers_alone_give_the_position_under_impulses() -> Tested {
+    for name in ["ula16", "ula50"] {
+        let (answer, truth) = snapshot(name, &["--method", "papers"])?;
+        let known = truth["satellites"].as_array().ok_or("no truth")?;
+        let sky = &answer.json["sky"]["look"];
+        if answer.satellites().len() != known.len() || sky["decision"] != "row rule" {
+            return Err(format!("{name}: {:?} by {}", answer.satellites(), sky["decision"]).into());
+        }
+        let fix = answer.rows("fixes").first().ok_or("no fix")?;
+        if sky["engine"] != "LDA-l1,1"
+            || fix["solver"] != "aw-dgn-bt"
+            || fix["failed_solver"] != Value::Null
+        {
+            return Err(format!("{name}: {} and {}", sky["engine"], fix["solver"]).into());
+        }
+        within_sigma(&answer, &truth, &format!("{name}: "))?;
+    }
+    Ok(())
+}
+
 /// Whether a number is one, and below a bound.
 pub fn below(number: f64, bound: f64) -> bool {
     number < bound

@@ -16,9 +16,11 @@ pub struct PositioningOptions {
     pub min_cn0_dbhz: Option<f64>,
     /// What an epoch is solved from.
     pub observable: Observable,
-    /// The solver that comes from the Earth's centre to the region of the receiver. Where it does not,
-    /// [`Solver::Best`] takes over, and [`crate::Fix::start`] says so.
+    /// The solver that comes from the Earth's centre to the region of the receiver.
     pub solver: Solver,
+    /// Whether [`Solver::Best`] takes over where it does not, which [`crate::Fix::start`] then says; for snapshots also
+    /// whether points on the ground are tried.
+    pub takes_over: bool,
     /// How an epoch's outliers are weighted.
     pub robust: Robust,
     /// What is done about contradictions in an epoch.
@@ -47,6 +49,7 @@ impl Default for PositioningOptions {
             min_cn0_dbhz: None,
             observable: Observable::default(),
             solver: Solver::default(),
+            takes_over: true,
             robust: Robust::default(),
             exclusion: Exclusion::default(),
             height: None,

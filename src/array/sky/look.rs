@@ -15,6 +15,7 @@ use super::interference::Interference;
 use crate::array::CMat;
 use crate::array::code_periods::doppler::DopplerCovariances;
 use crate::array::code_periods::periods::CodePeriods;
+use crate::array::decision::jane::bearing_sigma;
 use crate::array::decision::random_matrix::eigenvalue_threshold;
 use crate::array::decision::scan::Scan;
 use crate::array::decision::{Group, Jane, JaneError, JaneOptions, Source, row_noise, row_rule};
@@ -46,6 +47,18 @@ pub struct LookOptions {
     pub jane: JaneOptions,
     /// Candidates expected in noise alone: each is verified.
     pub false_candidates: f64,
+    /// What decides on sources where the array's geometry is known.
+    pub decision: LookDecision,
+}
+
+/// What decides on sources.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LookDecision {
+    /// JANE, from the directions of the rows.
+    #[default]
+    Jane,
+    /// The rows of the sparse estimate alone, on its grid, as in the paper on LDA-l1,1.
+    Rows,
 }
 
 impl Default for LookOptions {
@@ -55,6 +68,7 @@ impl Default for LookOptions {
             sparse: SparseOptions::default(),
             jane: JaneOptions::default(),
             false_candidates: 3.0,
+            decision: LookDecision::default(),
         }
     }
 }
@@ -117,6 +131,8 @@ pub(in crate::array) struct Candidate {
 enum Rule {
     /// JANE on each covariance, from the directions of the sparse estimate there.
     Jane(Box<Jane>, Vec<Vec<Point>>),
+    /// The rows of the sparse estimate of the eigenvalues above this.
+    Rows(Box<Manifold>, SparseOptions, f64),
     /// Eigenvalues above this, of so many dimensions.
     Eigenvalues(f64, usize),
 }
@@ -161,7 +177,10 @@ impl Look {
                 }
                 let start = groups.iter().map(|g| g.iter().map(|g| g.point).collect()).collect();
                 let jane = JaneOptions { false_alarm: each, ..options.jane };
-                Rule::Jane(Box::new(Jane::new(&manifold, jane)?), start)
+                match options.decision {
+                    LookDecision::Jane => Rule::Jane(Box::new(Jane::new(&manifold, jane)?), start),
+                    LookDecision::Rows => Rule::Rows(Box::new(manifold), options.sparse, edge),
+                }
             }
             _ => Rule::Eigenvalues(edge, data.elements - nulled),
         };
@@ -171,8 +190,12 @@ impl Look {
     /// Candidates in the covariances as they are now, strongest first; of one source only one.
     pub(in crate::array) fn candidates(&self) -> Result<Vec<Candidate>, LookError> {
         let count = self.doppler.covariances.len();
-        let of_all: Vec<Vec<Candidate>> =
-            (0..count).into_par_iter().map(|index| self.at(index)).collect::<Result<_, _>>()?;
+        let of_all: Vec<Vec<Candidate>> = match &self.rule {
+            Rule::Rows(manifold, options, edge) => self.by_rows(manifold, options, *edge)?,
+            _ => {
+                (0..count).into_par_iter().map(|index| self.at(index)).collect::<Result<_, _>>()?
+            }
+        };
         let all = of_all.into_iter().flatten().map(|c| (c, ())).collect();
         Ok(distinct(all, &self.doppler).into_iter().map(|c| c.0).collect())
     }
@@ -183,12 +206,49 @@ impl Look {
         let samples = self.doppler.samples;
         let threshold = match &self.rule {
             Rule::Jane(jane, _) => jane.threshold(each, samples),
+            // A beam's power is at most the largest eigenvalue.
+            Rule::Rows(manifold, ..) => samples * edge(manifold.elements(), samples, each),
             Rule::Eigenvalues(_, dimensions) => edge(*dimensions, samples, each),
         };
         move |c| match &c.source {
             Some(source) => source.statistic > threshold,
             None => c.excess + 1.0 > threshold,
         }
+    }
+
+    /// Candidates by the rows of the sparse estimate: directions are points of its grid.
+    fn by_rows(
+        &self,
+        manifold: &Manifold,
+        options: &SparseOptions,
+        edge: f64,
+    ) -> Result<Vec<Vec<Candidate>>, LookError> {
+        let snapshots = snapshots(&self.doppler, edge);
+        if snapshots.0.ncols() == 0 {
+            return Ok(Vec::new());
+        }
+        let (_, groups) = directions(&snapshots, manifold, options)?;
+        // Uniform within a step.
+        let sigma = grid_step(manifold) / 12f64.sqrt();
+        let sigma = if manifold.dimensions() < 2 { [sigma, 0.0] } else { [sigma; 2] };
+        let covariance = [[sigma[0].powi(2), 0.0], [0.0, sigma[1].powi(2)]];
+        let candidate = |index: usize, point: Point| {
+            let beam = unit(manifold.response(point));
+            let excess = self.doppler.power(index, &beam) - 1.0;
+            let source = Source {
+                point,
+                sigma,
+                bearing: manifold.bearing(point),
+                bearing_sigma: bearing_sigma(manifold, point, covariance),
+                power: excess / manifold.elements() as f64,
+                statistic: self.doppler.samples * (1.0 + excess),
+            };
+            Candidate { index, beam, excess, source: Some(source) }
+        };
+        let at = |(index, groups): (usize, Vec<Group>)| {
+            groups.iter().map(|group| candidate(index, group.point)).collect()
+        };
+        Ok(groups.into_iter().enumerate().map(at).collect())
     }
 
     /// Candidates at one Doppler.
@@ -206,6 +266,7 @@ impl Look {
                 };
                 Ok(decision.sources.into_iter().map(candidate).collect())
             }
+            Rule::Rows(..) => Ok(Vec::new()),
             Rule::Eigenvalues(edge, _) => {
                 let Some((values, vectors)) = hermitian_eigen(s) else { return Ok(Vec::new()) };
                 let above = values.iter().enumerate().take_while(|(_, l)| **l > *edge);
@@ -301,9 +362,7 @@ fn directions(
     manifold: &Manifold,
     options: &SparseOptions,
 ) -> Result<(SparseEstimate, Vec<Vec<Group>>), LookError> {
-    let across = POINTS_PER_BEAM * columns.nrows();
-    let across = if manifold.dimensions() < 2 { across } else { across.min(MAX_POINTS) };
-    let grid = manifold.grid(across);
+    let grid = manifold.grid((2.0 / grid_step(manifold)).round() as usize);
     let responses = dictionary(manifold, &grid);
     let estimate = reconstruct(&responses, columns, options)?;
     let noise = row_noise(&(columns - &responses * &estimate.x));
@@ -315,6 +374,13 @@ fn directions(
     });
     let groups = groups.collect();
     Ok((estimate, groups))
+}
+
+/// Distance of neighbouring points of the dictionary.
+fn grid_step(manifold: &Manifold) -> f64 {
+    let across = POINTS_PER_BEAM * manifold.elements();
+    let across = if manifold.dimensions() < 2 { across } else { across.min(MAX_POINTS) };
+    2.0 / across as f64
 }
 
 /// A response of norm 1.

@@ -8,7 +8,7 @@ pub mod look;
 mod picture;
 
 pub use beams::{Beam, BeamKind};
-pub use look::{LookCodes, LookError, LookOptions, SparseLook};
+pub use look::{LookCodes, LookDecision, LookError, LookOptions, SparseLook};
 pub use picture::{Jammer, Looked, SkyPicture, SkySource, jammers, look};
 
 use crate::array::geometry::{Arrival, Bearing, Manifold, Signature, arrival};

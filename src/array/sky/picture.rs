@@ -2,7 +2,7 @@
 
 use super::identify::Identified;
 use super::interference::Interference;
-use super::look::{Candidate, Look, LookCodes, LookError, LookOptions, SparseLook};
+use super::look::{Candidate, Look, LookCodes, LookDecision, LookError, LookOptions, SparseLook};
 use crate::array::code_periods::CodeFound;
 use crate::array::code_periods::periods::CodePeriods;
 use crate::array::decision::Source;
@@ -53,6 +53,8 @@ pub struct SkyPicture {
     pub jammers: Vec<Jammer>,
     /// The sparse reconstruction, where the array's geometry is known and a snapshot was above the noise.
     pub sparse: Option<SparseLook>,
+    /// What decided on sources, where the geometry is known.
+    pub decision: LookDecision,
     /// Sources, strongest first: those with a code, and those that remain when these are removed.
     pub sources: Vec<SkySource>,
     /// Fourier transforms by which the codes were found, and those of a full search of the same samples.
@@ -109,6 +111,7 @@ pub fn look(
         periods: look.doppler.blocks * block,
         jammers: interference.map_or(Vec::new(), |i| jammers(i, manifold)),
         sparse: look.sparse.clone(),
+        decision: options.decision,
         sources,
         transforms: (identified.transforms, identified.full_search),
     };

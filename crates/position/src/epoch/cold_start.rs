@@ -34,7 +34,7 @@ pub(crate) struct ColdStart {
     pub alternatives: Vec<Point<3>>,
 }
 
-/// By `solver`, or by [`Solver::Best`] where that fails. `trace` sees each accepted step.
+/// By `solver`, or by [`Solver::Best`] where that fails and may be taken over from. `trace` sees each accepted step.
 pub(crate) fn cold_start(
     adjustment: &Adjustment,
     set: &[Sighting],
@@ -53,7 +53,11 @@ pub(crate) fn cold_start(
             }
             return Ok(cold);
         }
-        Err(cause) if solver == Solver::Best || cause.is_of_the_input() => {
+        Err(cause)
+            if solver == Solver::Best
+                || cause.is_of_the_input()
+                || !adjustment.options.takes_over =>
+        {
             return Err(diverged(cause));
         }
         Err(cause) => cause,

@@ -90,7 +90,7 @@ pub fn candidates<'a>(
     let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
     let mut cold_start = cold_start_of_most(&adjustment, &sightings, options.solver, trace)?;
     let mut hypotheses = hypotheses(adjustment, &sightings, &cold_start.state);
-    let is_open = !hypotheses.agree() && options.solver != Solver::Best;
+    let is_open = !hypotheses.agree() && options.solver != Solver::Best && options.takes_over;
     if is_open && cold_start.start.failed.is_none() && !hypotheses.explain() {
         // From the same region the hypotheses are the same.
         let is_elsewhere = |cold: &ColdStart| (cold.state.x - cold_start.state.x).norm() > REGION_M;

@@ -140,7 +140,7 @@ impl<'a> Blind<'a> {
             let (set, _) = self.window.sightings(cell.centre, excluded);
             let rows = set.iter().filter(|s| s.range_rate().is_some()).count();
             for minimum in
-                minima(&set, cell.centre, cell.half_s + MARGIN_S, limit(rows), self.options.solver)
+                minima(&set, cell.centre, cell.half_s + MARGIN_S, limit(rows), &self.options)
             {
                 let Some(hypothesis) = self.hypothesis(cell.centre, &minimum, excluded) else {
                     continue;

@@ -17,11 +17,11 @@ use crate::epoch::sighting::Sighting;
 use crate::fix::{FailedStart, FailedStartCause, FixStart};
 use crate::gauss_newton::{Damping, Model, Step, Stopped, Test, Verdict, Why, gauss_newton};
 use crate::least_squares::{LeastSquares, LinearRow};
+use crate::options::PositioningOptions;
 use crate::place::Place;
 use crate::point::Point;
 use crate::point::Terms;
 use crate::problem::{Row, RowKind, Satellite};
-use crate::solver::Solver;
 use crate::solver::failure::Failure;
 use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::GpsTime;
@@ -60,18 +60,18 @@ pub(super) struct Minimum {
     pub start: FixStart,
 }
 
-/// All minima with a cost of at most `limit` within `half_s` of `time`, by the Dopplers of `set`, from where `solver`
-/// leads and from the seeds.
+/// All minima with a cost of at most `limit` within `half_s` of `time`, by the Dopplers of `set`, from where the
+/// solver leads and from the seeds.
 pub(super) fn minima(
     set: &[Sighting],
     time: GpsTime,
     half_s: f64,
     limit: f64,
-    solver: Solver,
+    options: &PositioningOptions,
 ) -> Vec<Minimum> {
     let cell = Cell { set, time, half_s };
     let mut found: Vec<Minimum> = Vec::new();
-    for (place, start) in starts(&rows(set, time), solver) {
+    for (place, start) in starts(&rows(set, time), options) {
         let Some((minimum, cost)) = cell.descend(place, start) else { continue };
         let known = found.iter().any(|f| {
             let apart = f.place_time - minimum.place_time;
@@ -98,7 +98,10 @@ pub(super) fn rows(set: &[Sighting], time: GpsTime) -> Vec<Row> {
 
 /// Places and drifts to start from, and how they came about: where the solver leads from the Earth's centre, then the
 /// seeds. Noise can put the optimum outside the altitude wall: the place at the wall is a good start.
-pub(super) fn starts(rows: &[Row], solver: Solver) -> Vec<(Vector4<f64>, FixStart)> {
+pub(super) fn starts(
+    rows: &[Row],
+    &PositioningOptions { solver, takes_over, .. }: &PositioningOptions,
+) -> Vec<(Vector4<f64>, FixStart)> {
     let from_place = |place: &Place| place.position_m.push(place.clock());
     let (place, iterations, cause) = match solver.solve(rows, |_| ()) {
         Ok(s) => (Some(from_place(&s.state)), s.iterations, FailedStartCause::Unexplained),
@@ -110,7 +113,7 @@ pub(super) fn starts(rows: &[Row], solver: Solver) -> Vec<(Vector4<f64>, FixStar
     let asked = FixStart { solver: solver.name(), iterations, failed: None };
     let failed = Some(FailedStart { solver: solver.name(), cause });
     let seeded = FixStart { solver: FixStart::SEEDS, iterations, failed };
-    let seeds = seeds(rows).map(|seed| (seed, seeded.clone()));
+    let seeds = seeds(rows).filter(|_| takes_over).map(|seed| (seed, seeded.clone()));
     place.map(|place| (place, asked)).into_iter().chain(seeds).collect()
 }
 

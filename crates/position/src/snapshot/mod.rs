@@ -293,7 +293,7 @@ fn region(
 ) -> Result<(CoarseFix, FixStart), PositioningError> {
     let rows = rows(set, problem.time);
     let cost_limit = limit(rows.len());
-    starts(&rows, problem.options.solver)
+    starts(&rows, problem.options)
         .into_iter()
         .filter_map(|(place, start)| {
             let at = (place.xyz().normalize() * EARTH_RADIUS).push(0.0);
