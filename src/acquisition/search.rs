@@ -726,6 +726,15 @@ fn sampled_code(chips: &[i8], bins: usize) -> Vec<Complex32> {
         .collect()
 }
 
+/// Adds weight x.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+pub(crate) fn add_product(weight: Complex32, x: &[Complex32], sums: &mut [Complex32]) {
+    for (sum, x) in sums.iter_mut().zip(x) {
+        sum.re += weight.re * x.re - weight.im * x.im;
+        sum.im += weight.re * x.im + weight.im * x.re;
+    }
+}
+
 /// exp(-j 2 pi cycles).
 pub(crate) fn phasor(cycles: f64) -> Complex32 {
     let turn = Complex64::cis(-TAU * cycles.fract());

@@ -17,8 +17,8 @@ pub mod sparse;
 
 pub use decision::{Decision, Group, Jane, JaneError, JaneOptions, Source, row_noise, row_rule};
 pub use geometry::{
-    Arrival, Bearing, Manifold, Point, Signature, arrival, cramer_rao, degree_grid, dictionary,
-    paper_dictionary,
+    ArrayAttitude, Arrival, Bearing, Manifold, Point, Signature, arrival, cramer_rao, degree_grid,
+    dictionary, element_gains, paper_dictionary,
 };
 pub use sky::{
     ArraySky, Beam, BeamKind, Jammer, LookCodes, LookDecision, LookError, LookOptions, Looked,

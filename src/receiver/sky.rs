@@ -44,13 +44,22 @@ pub(super) fn judge_sky(record: &mut Record, rate_hz: f64, options: &ReceiverOpt
     if let Some(array) = &options.array {
         let manifold = Manifold::new(array.in_enu());
         if let Some(fix) = record.fixes.first() {
-            sky.predict(&manifold, &towards(fix));
+            let towards = towards(fix);
+            sky.predict(&manifold, &towards);
+            if !has_jammers(sky) {
+                sky.orient(array, &towards);
+            }
         }
+        let with_jammers = has_jammers(sky);
         for SkyEpoch { sample, sky } in &mut record.sky_epochs {
             let apart = |fix: &&Fix| (fix.sample - *sample as f64).abs();
             let nearest = record.fixes.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
             if let Some(fix) = nearest.filter(|fix| apart(fix) < rate_hz) {
-                sky.predict(&manifold, &towards(fix));
+                let towards = towards(fix);
+                sky.predict(&manifold, &towards);
+                if !with_jammers {
+                    sky.orient(array, &towards);
+                }
             }
         }
     }
@@ -69,6 +78,11 @@ pub(super) fn judge_sky(record: &mut Record, rate_hz: f64, options: &ReceiverOpt
     }
     let notice = |suspicion| Notice::Sky { from_s: None, suspicion };
     record.notices.extend(at_start.into_iter().map(notice));
+}
+
+/// Whether jammers were removed: signatures have nothing along them then, and no attitude follows.
+fn has_jammers(sky: &ArraySky) -> bool {
+    sky.picture.as_ref().is_some_and(|p| !p.jammers.is_empty())
 }
 
 /// Directions of a fix's satellites: east, north, up.

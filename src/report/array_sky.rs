@@ -2,10 +2,12 @@
 
 use super::Run;
 use crate::array::{
-    ArraySky, Arrival, Bearing, Engine, Jammer, LookDecision, Point, SatelliteArrival, SkyPicture,
-    SkySource, SparseLook,
+    ArrayAttitude, ArraySky, Arrival, Bearing, Engine, Jammer, LookDecision, Point,
+    SatelliteArrival, SkyPicture, SkySource, SparseLook,
 };
 use crate::gnss::Sv;
+use crate::gnss::antenna::Attitude;
+use num_complex::Complex64;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -53,6 +55,11 @@ pub struct ArraySkyRecord {
     jammers: Vec<JammerRecord>,
     satellites: Vec<SatelliteRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    attitude: Option<AttitudeRecord>,
+    /// Of the elements against the array as it was given.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    gains: Vec<ElementRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     all_from_one_direction: Option<bool>,
 }
 
@@ -96,6 +103,19 @@ struct SourceRecord {
     doppler_modulo_hz: Option<f64>,
     /// At one element.
     cn0_dbhz: f64,
+}
+
+/// Attitude by the directions of the satellites.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct AttitudeRecord {
+    /// Of the platform; of a line, a turn that brings its axis where it is.
+    #[serde(flatten)]
+    attitude: Attitude,
+    heading_sigma_deg: f64,
+    tilt_sigma_deg: f64,
+    satellites: usize,
+    /// Squared residuals over their variance.
+    misfit: f64,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -176,6 +196,14 @@ impl ArraySkyRecord {
             look: picture.map(LookRecord::new),
             jammers: jammers.iter().map(JammerRecord::new).collect(),
             satellites: sky.satellites.iter().map(SatelliteRecord::new).collect(),
+            attitude: sky.attitude.map(|a| AttitudeRecord {
+                attitude: a.attitude,
+                heading_sigma_deg: a.sigma[0].to_degrees(),
+                tilt_sigma_deg: a.sigma[1].to_degrees(),
+                satellites: a.satellites,
+                misfit: a.misfit,
+            }),
+            gains: sky.gains.iter().flatten().map(|g| element(*g)).collect(),
             all_from_one_direction: sky.one_direction.map(|o| o.is_one),
         }
     }
@@ -250,10 +278,6 @@ impl JammerRecord {
 impl SatelliteRecord {
     fn new(s: &SatelliteArrival) -> Self {
         let first = s.signature.response[0];
-        let element = |z: &num_complex::Complex64| ElementRecord {
-            gain_db: 20.0 * (z.norm() / first.norm()).log10(),
-            phase_deg: (z / first).arg().to_degrees(),
-        };
         let cosines = |a: &Arrival| match a.bearing {
             Bearing::Cone(_) => vec![a.point[0]],
             Bearing::Direction { .. } => a.point.to_vec(),
@@ -266,9 +290,13 @@ impl SatelliteRecord {
             misfit: s.arrival.map(|a| a.misfit),
             expected: s.predicted.map(|p| p.bearing.into()),
             suspected: s.predicted.map(|p| !p.agrees),
-            elements: s.signature.response.iter().map(element).collect(),
+            elements: s.signature.response.iter().map(|z| element(z / first)).collect(),
         }
     }
+}
+
+fn element(gain: Complex64) -> ElementRecord {
+    ElementRecord { gain_db: 20.0 * gain.norm().log10(), phase_deg: gain.arg().to_degrees() }
 }
 
 /// Maximum standard deviation of the direction, degrees: near the array's plane a small change of a cosine
@@ -373,6 +401,19 @@ pub fn array_sky_table(sky: &ArraySky) -> String {
             text += "  suspected";
         }
         text += "\n";
+    }
+    if let Some(ArrayAttitude { attitude, sigma: [heading, tilt], satellites, misfit }) =
+        sky.attitude
+    {
+        let _ = writeln!(
+            text,
+            "\n  attitude    heading {:.2} +- {:.2} deg, pitch {:.2}, roll {:.2} +- {:.2} deg by {satellites} satellites (misfit {misfit:.1})",
+            attitude.yaw_deg,
+            heading.to_degrees(),
+            attitude.pitch_deg,
+            attitude.roll_deg,
+            tilt.to_degrees()
+        );
     }
     text
 }

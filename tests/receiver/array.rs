@@ -136,6 +136,13 @@ fn line(name: &str, rest: &[&str]) -> Tested {
             format!("{} of gap {}", sky["look"]["engine"], sky["look"]["duality_gap"]).into()
         );
     }
+    // The attitude of the scenarios' lines, which the directions of the satellites give again.
+    let attitude = &sky["attitude"];
+    let (heading, sigma) = (number(&attitude["yaw_deg"]), number(&attitude["heading_sigma_deg"]));
+    println!("heading {heading:.3} +- {sigma:.3} deg");
+    if !below((heading - 80.0).abs(), 5.0 * sigma + 0.02) {
+        return Err(format!("heading {heading} deg, sigma {sigma}, not 80").into());
+    }
     let given = answer.json["fixes"][0]["directions"].as_array().map_or(0, Vec::len);
     if given != known.len() {
         return Err(format!("the fix has directions of {given} of {}", known.len()).into());

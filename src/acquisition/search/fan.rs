@@ -4,7 +4,7 @@
 //! powers, Gamma(M K, 1): only the few cells whose sum is high enough for a beam are looked at. Twice as many beams as
 //! elements lie within 0.2 dB of the best beam.
 
-use super::{Peak, SearchPlan};
+use super::{Peak, SearchPlan, add_power, add_product};
 use crate::acquisition::statistics;
 use num_complex::Complex32;
 
@@ -53,21 +53,33 @@ impl<'a> Fan<'a> {
     ) -> Option<BeamPeak> {
         let bins = powers.len();
         let enough = (self.enough * noise) as f32;
+        let strong: Vec<usize> = (0..bins).filter(|&bin| powers[bin] > enough).collect();
+        if strong.is_empty() {
+            return None;
+        }
+        // Of each look the strong cells side by side.
+        let cells: Vec<Vec<Complex32>> = advances
+            .iter()
+            .enumerate()
+            .map(|(look, advance)| {
+                let at = |bin: &usize| correlations[look * bins + (bin + bins - advance) % bins];
+                strong.iter().map(at).collect()
+            })
+            .collect();
         let mut best = (0, 0f32);
-        let mut cell = vec![Complex32::ZERO; advances.len()];
-        for bin in (0..bins).filter(|&bin| powers[bin] > enough) {
-            for (look, advance) in advances.iter().enumerate() {
-                let early = (bin + bins - advance) % bins;
-                cell[look] = correlations[look * bins + early];
+        let mut sum = vec![Complex32::ZERO; strong.len()];
+        let mut power = vec![0f32; strong.len()];
+        for beam in self.beams {
+            for window in 0..self.windows {
+                sum.fill(Complex32::ZERO);
+                for (cells, w) in cells[window..].iter().step_by(self.windows).zip(beam) {
+                    add_product(w.conj(), cells, &mut sum);
+                }
+                add_power(&sum, &mut power, window == 0);
             }
-            for beam in self.beams {
-                let in_window = |window: usize| {
-                    let looks = cell[window..].iter().step_by(self.windows);
-                    looks.zip(beam).map(|(x, w)| x * w.conj()).sum::<Complex32>().norm_sqr()
-                };
-                let power = (0..self.windows).map(in_window).sum();
-                if power > best.1 {
-                    best = (bin, power);
+            for (bin, power) in strong.iter().zip(&power) {
+                if *power > best.1 {
+                    best = (*bin, *power);
                 }
             }
         }

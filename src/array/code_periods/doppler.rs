@@ -12,7 +12,8 @@
 //! Cost a block: 2 K M N (K + M / 2) complex multiply-adds.
 
 use super::cells::Row;
-use super::periods::{CodePeriods, add_product, product};
+use super::periods::{CodePeriods, product};
+use crate::acquisition::search::add_product;
 use crate::array::CMat;
 use crate::array::covariance::covariance;
 use crate::array::decision::random_matrix::divide;

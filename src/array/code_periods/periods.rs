@@ -125,15 +125,6 @@ pub(crate) fn product(a: &[Complex32], b: &[Complex32]) -> Complex64 {
     Complex64::new(sum(re), sum(im))
 }
 
-/// Adds weight x.
-#[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-pub(crate) fn add_product(weight: Complex32, x: &[Complex32], sums: &mut [Complex32]) {
-    for (sum, x) in sums.iter_mut().zip(x) {
-        sum.re += weight.re * x.re - weight.im * x.im;
-        sum.im += weight.re * x.im + weight.im * x.re;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

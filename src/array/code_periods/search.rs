@@ -21,10 +21,10 @@
 //! saves 21 r in the second one, and, from a fraction of 0.2 on, 21 for each other satellite.
 
 use super::cells::{Cell, Cells, CodeFound, Row};
-use super::periods::{CodePeriods, add_product, product};
+use super::periods::{CodePeriods, product};
 use super::svd::CodePeriodSvd;
 use crate::acquisition::AcquisitionError;
-use crate::acquisition::search::searched_signal;
+use crate::acquisition::search::{add_product, searched_signal};
 use crate::array::CMat;
 use crate::gnss::{Sv, Transmission, signal};
 use num_complex::{Complex32, Complex64};

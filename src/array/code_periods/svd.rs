@@ -13,7 +13,8 @@
 //!
 //! Cost: the Gram matrix D D^H (rows^2 N / 2 multiply-adds) and its eigenvalues; rows are at most 1024.
 
-use super::periods::{CodePeriods, add_product};
+use super::periods::CodePeriods;
+use crate::acquisition::search::add_product;
 use crate::array::CMat;
 use crate::array::covariance::covariance;
 use crate::array::decision::random_matrix::{self, Division};

@@ -97,6 +97,11 @@ impl Manifold {
         left
     }
 
+    /// First axis, second axis, and normal, of norm 1.
+    pub fn axes(&self) -> [Vector3<f64>; 3] {
+        self.axes
+    }
+
     /// The array.
     pub fn array(&self) -> &AntennaArray {
         &self.array

@@ -3,9 +3,9 @@
 //! A beam's output is w^H x. All weights here pass the wanted signature s undistorted, w^H s = s_0 (the
 //! response of the reference element, the first), so that changing a beam does not change the carrier phase.
 
+use crate::acquisition::search::add_product;
 use crate::array::CMat;
 use crate::capture::Block;
-use multiversion::multiversion;
 use num_complex::{Complex32, Complex64};
 use sdr_rx_linalg::{Cholesky, orthonormal_basis};
 
@@ -113,14 +113,6 @@ impl Beam {
                 add_product(w.conj(), &block.channel(m)[tile * TILE..][..out.len()], out);
             }
         }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-fn add_product(weight: Complex32, samples: &[Complex32], sums: &mut [Complex32]) {
-    for (sum, x) in sums.iter_mut().zip(samples) {
-        sum.re += weight.re * x.re - weight.im * x.im;
-        sum.im += weight.re * x.im + weight.im * x.re;
     }
 }
 

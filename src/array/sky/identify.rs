@@ -7,9 +7,11 @@
 //! and the others are judged in what is left.
 
 use super::look::{Candidate, Look, LookCodes, LookError};
+use crate::acquisition::search::add_product;
 use crate::acquisition::statistics;
 use crate::array::code_periods::CodeFound;
 use crate::array::code_periods::cells::{Cell, Cells, Row};
+use crate::array::code_periods::periods::product;
 use num_complex::Complex32;
 
 /// Fraction of a candidate's power that a code has to explain.
@@ -179,7 +181,6 @@ impl Search {
 
 /// Gram and Schmidt.
 fn orthonormal(waves: [Vec<Complex32>; 3]) -> Vec<Vec<Complex32>> {
-    use crate::array::code_periods::periods::{add_product, product};
     let mut basis: Vec<Vec<Complex32>> = Vec::new();
     for mut wave in waves {
         for _ in 0..2 {

@@ -11,10 +11,14 @@ pub use beams::{Beam, BeamKind};
 pub use look::{LookCodes, LookDecision, LookError, LookOptions, SparseLook};
 pub use picture::{Jammer, Looked, SkyPicture, SkySource, jammers, look};
 
-use crate::array::geometry::{Arrival, Bearing, Manifold, Signature, arrival};
+use crate::array::geometry::{
+    ArrayAttitude, Arrival, Bearing, Manifold, Signature, arrival, element_gains,
+};
+use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{Sv, Transmission};
 use authenticity::{OneDirection, agrees, one_direction};
 use nalgebra::{Unit, Vector3};
+use num_complex::Complex64;
 
 /// Errors of a direction by those of attitude and elements, in direction cosines (0.1 is 6 degrees at the
 /// zenith or at broadside).
@@ -55,6 +59,10 @@ pub struct ArraySky {
     pub satellites: Vec<SatelliteArrival>,
     /// Whether they all come from one direction; `None` with too few for a result.
     pub one_direction: Option<OneDirection>,
+    /// Attitude by the satellites whose directions are known, whatever the one that was given.
+    pub attitude: Option<ArrayAttitude>,
+    /// Gains of the elements against the array as it was given, where all directions agree with it.
+    pub gains: Option<Vec<Complex64>>,
 }
 
 /// The satellites received by an array at one instant of a recording.
@@ -91,6 +99,22 @@ impl ArraySky {
             let bearing = manifold.bearing(manifold.point(towards));
             satellite.predicted = Some(Prediction { bearing, apart, agrees });
         }
+    }
+
+    /// Attitude and gains from the directions of satellites (unit vectors: east, north, up), after [`Self::predict`] with
+    /// the array as it was given.
+    pub fn orient(&mut self, array: &ArrayDescription, expected: &[(Sv, Unit<Vector3<f64>>)]) {
+        let known = |s: &SatelliteArrival| {
+            let towards = expected.iter().find(|e| e.0 == s.sv)?.1;
+            Some((s.signature.clone(), towards))
+        };
+        let seen: Vec<(Signature, Unit<Vector3<f64>>)> =
+            self.satellites.iter().filter_map(known).collect();
+        let seen: Vec<_> = seen.iter().map(|(signature, u)| (signature, *u)).collect();
+        self.attitude = ArrayAttitude::estimate(&array.array, &seen);
+        let agrees = self.satellites.iter().filter_map(|s| s.predicted).all(|p| p.agrees);
+        let manifold = Manifold::new(array.in_enu());
+        self.gains = agrees.then(|| element_gains(&manifold, &seen)).flatten();
     }
 
     /// Sources in which no code was found.

@@ -29,11 +29,35 @@ impl Attitude {
         let roll = turn(Vector3::y_axis(), self.roll_deg);
         (yaw * pitch * roll).into_inner()
     }
+
+    /// The attitude of a rotation from (right, forward, up) to (east, north, up); with forward upright, where yaw and
+    /// roll are one turn, all of it is yaw.
+    pub fn of(to_enu: &Matrix3<f64>) -> Self {
+        let [right, forward, up] = [0, 1, 2].map(|k| to_enu.column(k).into_owned());
+        let pitch_deg = forward.z.clamp(-1.0, 1.0).asin().to_degrees();
+        if forward.xy().norm() < 1e-9 {
+            let yaw_deg = (-right.y).atan2(right.x).to_degrees();
+            return Self { yaw_deg, pitch_deg, roll_deg: 0.0 };
+        }
+        let yaw_deg = forward.x.atan2(forward.y).to_degrees();
+        Self { yaw_deg, pitch_deg, roll_deg: (-right.z).atan2(up.z).to_degrees() }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_attitude_follows_from_its_rotation() {
+        for (yaw_deg, pitch_deg, roll_deg) in
+            [(30.0, 20.0, 10.0), (-170.0, -60.0, 100.0), (50.0, 90.0, 0.0)]
+        {
+            let attitude = Attitude { yaw_deg, pitch_deg, roll_deg };
+            let again = Attitude::of(&attitude.to_enu()).to_enu();
+            assert!((again - attitude.to_enu()).norm() < 1e-9);
+        }
+    }
 
     #[test]
     fn the_axes_go_where_yaw_pitch_and_roll_say() {
