@@ -49,8 +49,9 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     let info = source.info().clone();
     let mut options = args.receive.options(&info)?;
     args.solve.apply(&mut options)?;
+    let inputs = [&args.receive.input.captures[..], &args.solve.nav[..]].concat();
     let outputs = args.json.iter().chain(&args.events).map(PathBuf::as_path);
-    protect(outputs, &args.receive.input.captures, args.force)?;
+    protect(outputs, &inputs, args.force)?;
     let to_stdout = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
     let (json_out, events_out) = (to_stdout(&args.json), to_stdout(&args.events));
     ensure!(!(json_out && events_out), "--json and --events cannot both go to standard output");
@@ -58,7 +59,7 @@ pub fn run(args: &Process) -> anyhow::Result<ExitCode> {
     let folder = args.out.as_ref().map(OutputDir::create).transpose()?;
     if let Some(folder) = &folder {
         folder.check()?;
-        protect_folder(folder, &args.receive.input.captures, args.force)?;
+        protect_folder(folder, &inputs, args.force)?;
     }
     if let Some(path) = args.json.as_deref().filter(|_| !json_out) {
         write_check(path)?;

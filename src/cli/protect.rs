@@ -13,9 +13,14 @@ pub fn protect<'a>(
     inputs: &[PathBuf],
     force: bool,
 ) -> anyhow::Result<()> {
+    let read: Vec<PathBuf> = inputs
+        .iter()
+        .flat_map(|input| with_siblings(input))
+        .filter_map(|p| p.canonicalize().ok())
+        .collect();
     for output in outputs {
         let Ok(place) = output.canonicalize() else { continue };
-        if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == place)) {
+        if read.contains(&place) {
             bail!("the output '{}' is an input, which it would replace", output.display());
         }
         if place.is_file() && !force && !is_replaceable(&place) {
@@ -35,6 +40,15 @@ pub fn protect<'a>(
 pub fn protect_folder(folder: &OutputDir, inputs: &[PathBuf], force: bool) -> anyhow::Result<()> {
     let reports: Vec<PathBuf> = folder.reports().collect();
     protect(reports.iter().map(PathBuf::as_path), inputs, force)
+}
+
+/// A file, and what is read with it: of SigMF metadata the samples, and the other way round.
+fn with_siblings(input: &Path) -> Vec<PathBuf> {
+    let mut all = vec![input.to_owned()];
+    if input.extension().is_some_and(|e| e == "sigmf-meta" || e == "sigmf-data") {
+        all.extend(["sigmf-meta", "sigmf-data"].map(|suffix| input.with_extension(suffix)));
+    }
+    all
 }
 
 /// Whether this program wrote a file, or the truth of a simulated capture beside it.
@@ -91,6 +105,10 @@ mod tests {
         };
         assert!(refused(&capture, false) && refused(&capture, true));
         assert!(!refused(&ours, false) && !refused(&new, false));
+        // The samples that SigMF metadata name.
+        let meta = file("b.sigmf-meta", "{}")?;
+        let samples = file("b.sigmf-data", "sdr-rx")?;
+        assert!(protect([samples.as_path()], &[meta], true).is_err());
         let other = file("notes.txt", "mine")?;
         assert!(refused(&other, false) && !refused(&other, true));
         Ok(())

@@ -7,12 +7,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 use sdr_rx::capture::{Block, Datatype, SampleSource, SigmfWriter};
 use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::report::write_atomically;
+use sdr_rx::scenario::config::Orbits;
 use sdr_rx::scenario::{RawFormat, RawWriter, Scenario, ScenarioSource};
 use sdr_rx::temporary::temporary_beside;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// Suffixes of what is written beside the samples.
+const NAVIGATION: &str = "nav.rnx";
+const TRUTH: &str = "truth.json";
 /// Samples of all channels together, generated at a time.
 const BLOCK: usize = 1 << 18;
 
@@ -46,8 +50,16 @@ pub struct Simulate {
 
 /// Simulates the capture.
 pub fn run(args: &Simulate) -> anyhow::Result<ExitCode> {
-    protect([args.out.as_path()], std::slice::from_ref(&args.scenario), args.force)?;
     let mut scenario = Scenario::read(&args.scenario)?;
+    let beside = ["sigmf-data", NAVIGATION, TRUTH].map(|suffix| args.out.with_extension(suffix));
+    let mut inputs = vec![args.scenario.clone()];
+    if let Orbits::NavigationFile(path) = &scenario.orbits {
+        inputs.push(path.clone());
+        let left_out = rinex_nav::read(path)?.left_out;
+        left_out.kinds().iter().for_each(|kind| eprintln!("warning: {kind}"));
+    }
+    let outputs = [&args.out].into_iter().chain(&beside).map(PathBuf::as_path);
+    protect(outputs.take(if args.out == Path::new("-") { 0 } else { 4 }), &inputs, args.force)?;
     if let Some(duration) = args.duration {
         if !(duration > 0.0 && duration.is_finite()) {
             bail!("--duration {duration}: seconds to make must be above 0");
@@ -134,8 +146,8 @@ fn write_beside(out: &Path, source: &ScenarioSource) -> anyhow::Result<()> {
     let mut text = serde_json::to_vec_pretty(&source.truth())?;
     text.push(b'\n');
     let navigation = rinex_nav::write(&source.scenario().navigation()?);
-    write_atomically(&out.with_extension("nav.rnx"), navigation.as_bytes())?;
-    Ok(write_atomically(&out.with_extension("truth.json"), &text)?)
+    write_atomically(&out.with_extension(NAVIGATION), navigation.as_bytes())?;
+    Ok(write_atomically(&out.with_extension(TRUTH), &text)?)
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

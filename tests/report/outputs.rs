@@ -44,6 +44,21 @@ fn inputs_and_files_of_others_stay_as_they_are() -> Tested {
     assert!(std::fs::read(at.join("b.cs8"))? == capture);
     assert_eq!(std::fs::read(at.join("notes.txt"))?, b"mine");
     assert_eq!(std::fs::read(at.join("track.kml"))?, b"mine");
+    // The navigation file of a folder of reports, the samples beside metadata, and what a simulation writes beside.
+    std::fs::create_dir(at.join("fix"))?;
+    std::fs::copy(at.join("a.nav.rnx"), at.join("fix/navigation.rnx"))?;
+    std::fs::write(at.join("c.truth.json"), "mine")?;
+    let known = ["process", "a.cs8", "--nav", "fix/navigation.rnx", "--out", "fix", "--force"];
+    for (arguments, name) in [
+        ([&known[..], &rate].concat(), "navigation.rnx"),
+        (vec!["simulate", &scenario, "--duration", "0.05", "--out", "c.cs8"], "c.truth.json"),
+    ] {
+        let (code, message) = sdr_rx(at, &arguments);
+        assert_eq!(code, 2, "{arguments:?}: {message}");
+        assert!(message.contains(name), "{message}");
+    }
+    assert!(std::fs::read(at.join("fix/navigation.rnx"))? == std::fs::read(at.join("a.nav.rnx"))?);
+    assert!(!at.join("c.cs8").exists());
     // What is ours is replaced, and with --force all but inputs.
     for _ in 0..2 {
         let (code, message) =

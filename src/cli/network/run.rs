@@ -1,6 +1,7 @@
 //! `sdr-rx network run`: all nodes of a network in one process.
 
 use crate::cli::progress::thousandths;
+use crate::cli::protect::protect;
 use anyhow::{Context, ensure};
 use sdr_rx::network::consensus::{NodeOptions, Rule};
 use sdr_rx::network::file::NetworkSetup;
@@ -105,6 +106,8 @@ pub fn run(args: &Run) -> anyhow::Result<ExitCode> {
     let (nodes, trace) = drive(args, &setup, nodes)?;
     let centre = centre(&setup, &nodes)?;
     let found = Found { args, setup: &setup, centre: &centre, nodes: &nodes, trace: &trace };
+    let json = args.json.iter().map(PathBuf::as_path);
+    protect(json, std::slice::from_ref(&args.network), false)?;
     if let Some(folder) = &args.out {
         found.write(&OutputDir::create(folder)?)?;
     }

@@ -1,6 +1,6 @@
 //! RINEX 3.04 navigation file (RINEX 3.04 tables A5 and A6).
 
-use crate::{Constellation, Ephemeris, NavigationData};
+use crate::{Constellation, Ephemeris, NavigationData, Sv};
 use std::fmt::Write;
 
 /// A header line: contents in columns 1 to 60, label in 61 to 80.
@@ -23,9 +23,10 @@ fn exponent(value: f64, digits: usize, width: usize) -> String {
     format!("{:>width$}", format!("{mantissa}E{sign}{:02}", power.abs()))
 }
 
-/// The navigation data as a RINEX 3.04 file.
+/// The navigation data of GPS and QZSS, whose records are those of LNAV, as a RINEX 3.04 file.
 pub fn write(data: &NavigationData) -> String {
-    let mixed = data.satellites().any(|sv| sv.constellation() != Constellation::Gps);
+    let sent = |sv: Sv| matches!(sv.constellation(), Constellation::Gps | Constellation::Qzss);
+    let mixed = data.satellites().any(|sv| sent(sv) && sv.constellation() != Constellation::Gps);
     let system = if mixed { "M: MIXED" } else { "G: GPS" };
     let kind = format!("{:>9.2}{:11}{:20}{system}", 3.04, "", "N: GNSS NAV DATA");
     let mut text = header_line(&kind, "RINEX VERSION / TYPE") + &program_line();
@@ -44,7 +45,7 @@ pub fn write(data: &NavigationData) -> String {
         text += &header_line(&leap, "LEAP SECONDS");
     }
     text += &header_line("", "END OF HEADER");
-    data.iter().for_each(|eph| record(&mut text, eph));
+    data.iter().filter(|eph| sent(eph.sv)).for_each(|eph| record(&mut text, eph));
     text
 }
 
