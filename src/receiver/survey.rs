@@ -9,8 +9,12 @@ use crate::array::code_periods::{CodePeriodOptions, search_periods};
 use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, JaneError, LookCodes, Manifold, look};
 use crate::capture::Block;
+use crate::gnss::signal::of as signal_of;
+use crate::gnss::{Constellation, Sv, Transmission};
 use num_complex::Complex32;
 
+/// Systems that send C/A codes: what a source without one of the codes asked for may be.
+const CA_CODES: [Constellation; 3] = [Constellation::Gps, Constellation::Qzss, Constellation::Sbas];
 /// Time that is coherent in a look: of one navigation bit, s.
 const BLOCK_S: f64 = 0.02;
 /// A look over as long as this, s, follows where the first shows few satellites.
@@ -60,8 +64,19 @@ pub(super) fn survey(
         survey.notices.push(Notice::NoDirections(JaneError::NoDirections.to_string()));
         manifold = None;
     }
+    let satellites = &options.search.satellites;
+    let alike = |t: &Transmission| {
+        (t.signal.chips, t.signal.chip_rate_hz) == (signal.chips, signal.chip_rate_hz)
+    };
+    let others: Vec<Transmission> = CA_CODES
+        .into_iter()
+        .flat_map(Sv::all)
+        .map(signal_of)
+        .filter(|t| alike(t) && !satellites.contains(t))
+        .collect();
     let codes = LookCodes {
-        satellites: &options.search.satellites,
+        satellites,
+        others: &others,
         doppler_hz: options.search.doppler_hz,
         false_alarm: options.search.false_alarm,
     };

@@ -231,7 +231,11 @@ impl SourceRecord {
         Self {
             method: "look",
             sv: source.sv,
-            kind: source.sv.is_none().then(|| kind(source)),
+            kind: match source.sv {
+                Some(_) if source.is_asked => None,
+                Some(_) => Some("not asked for"),
+                None => Some(kind(source)),
+            },
             bearing: source.direction.map(|d| d.bearing.into()),
             sigma_deg: source.direction.map(|d| sigma_deg(d.point, d.sigma)),
             doppler_modulo_hz: Some(source.doppler_hz),
@@ -359,7 +363,8 @@ fn sources_text(sky: &ArraySky) -> String {
         let direction = source.direction.as_ref().map_or(String::new(), |d| {
             format!("{} deg +- {:.2}, ", angles(d.bearing), sigma_deg(d.point, d.sigma))
         });
-        let what = source.sv.map_or(kind(source).to_owned(), |sv| sv.to_string());
+        let asked = if source.is_asked { "" } else { ", not asked for" };
+        let what = source.sv.map_or(kind(source).to_owned(), |sv| format!("{sv}{asked}"));
         let _ = writeln!(text, "     {direction}{:4.1} dB-Hz  {what}", source.cn0_dbhz);
     }
     text

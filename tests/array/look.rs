@@ -44,7 +44,8 @@ fn look_for(
     let channels: Vec<_> = (0..block.channels()).map(|m| block.channel(m)).collect();
     let data = CodePeriods::new(&channels, RATE_HZ, &GPS_L1_CA, ms);
     let manifold = Manifold::new(AntennaArray::half_wavelength(block.channels()));
-    let codes = LookCodes { satellites, doppler_hz: (-5000.0, 5000.0), false_alarm: 1e-3 };
+    let codes =
+        LookCodes { satellites, others: &[], doppler_hz: (-5000.0, 5000.0), false_alarm: 1e-3 };
     let block = 20.min(data.periods);
     let geometry = (with_geometry && data.elements > 1).then_some(&manifold);
     look(data, block, geometry, None, &codes, options).expect("a look")

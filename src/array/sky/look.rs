@@ -94,6 +94,8 @@ pub enum LookError {
 pub struct LookCodes<'a> {
     /// Satellites, of one signal.
     pub satellites: &'a [Transmission],
+    /// Others of the same code length: only what is left without a code is searched for them, to name it.
+    pub others: &'a [Transmission],
     /// Doppler interval, Hz.
     pub doppler_hz: (f64, f64),
     /// Probability of one or more false satellites.
@@ -201,7 +203,7 @@ impl Look {
     }
 
     /// Whether a candidate is one with this probability that noise shows any.
-    pub(in crate::array) fn surely(&self, false_alarm: f64) -> impl Fn(&Candidate) -> bool {
+    pub(in crate::array) fn surely(&self, false_alarm: f64) -> impl Fn(&Candidate) -> bool + use<> {
         let each = false_alarm / self.doppler.covariances.len() as f64;
         let samples = self.doppler.samples;
         let threshold = match &self.rule {

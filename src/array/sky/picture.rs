@@ -30,6 +30,8 @@ pub struct Jammer {
 pub struct SkySource {
     /// The satellite whose code was found in it.
     pub sv: Option<Sv>,
+    /// Whether it was asked for.
+    pub is_asked: bool,
     /// Its Doppler, Hz, modulo the inverse of a code period.
     pub doppler_hz: f64,
     /// Whether most of its power is at this Doppler, as that of a signal of this code period or of a carrier; else it is
@@ -87,16 +89,26 @@ pub fn look(
     options: &LookOptions,
 ) -> Result<Looked, LookError> {
     let mut look = Look::new(data, block, manifold, interference, options)?;
-    let identified = look.identify(codes)?;
+    let mut identified = look.identify(codes)?;
+    let is_sure = look.surely(options.jane.false_alarm);
+    let asked = identified.found.len();
+    if !codes.others.is_empty() && identified.rest.iter().any(&is_sure) {
+        let others = look.identify(&LookCodes { satellites: codes.others, ..*codes })?;
+        identified.found.extend(others.found);
+        identified.transforms += others.transforms;
+        identified.rest = others.rest;
+    }
     let mut sources: Vec<SkySource> = identified
         .found
         .iter()
-        .map(|(code, candidate)| {
+        .enumerate()
+        .map(|(k, (code, candidate))| {
             // Where several sources are at one Doppler, the direction may be that of none of them.
             let signature = code.signature.as_ref();
             let agrees = signature.is_some_and(|s| candidate.is_along(&s.response));
             SkySource {
                 sv: Some(code.acquisition.sv()),
+                is_asked: k < asked,
                 is_periodic: true,
                 cn0_dbhz: code.acquisition.cn0_dbhz,
                 direction: candidate.source.filter(|_| agrees),
@@ -115,7 +127,7 @@ pub fn look(
         sources,
         transforms: (identified.transforms, identified.full_search),
     };
-    let found = identified.found.into_iter().map(|f| f.0).collect();
+    let found = identified.found.into_iter().take(asked).map(|f| f.0).collect();
     Ok(Looked { picture, found, rest: look.data })
 }
 
@@ -126,6 +138,7 @@ impl Look {
         let bin_rate_hz = self.data.bins as f64 / self.data.period_s;
         SkySource {
             sv: None,
+            is_asked: false,
             doppler_hz: self.doppler.doppler_hz(candidate.index),
             is_periodic: self.is_periodic(candidate),
             cn0_dbhz: 10.0 * (candidate.excess.max(1e-9) / gain * bin_rate_hz).log10(),
