@@ -18,8 +18,11 @@ use sdr_rx::gnss::{Sv, Transmission, signal};
 use std::f64::consts::TAU;
 use std::time::Instant;
 
+/// A look, and what was there.
+type Run = (Looked, Vec<Truth>);
+
 /// The look at a scene, with or without its geometry.
-fn look_at(scene: &Scene, with_geometry: bool) -> (Looked, Vec<Truth>) {
+fn look_at(scene: &Scene, with_geometry: bool) -> Run {
     let (block, truth) = scene.make();
     let block = if scene.impulses.0 > 0.0 { mapped(block) } else { block };
     (look_at_block(&block, scene.ms, with_geometry), truth)
@@ -123,6 +126,19 @@ fn either_engine_places_more_satellites_than_elements_before_codes() -> Tested {
     Ok(())
 }
 
+/// Errors of the angles of the sources with a satellite, in sine, and over their standard deviations.
+fn angle_errors(looked: &Looked, truth: &[Truth]) -> Vec<[f64; 2]> {
+    let error = |s: &SkySource| {
+        let truth = truth.iter().find(|t| Some(t.sv) == s.sv)?;
+        let direction = s.direction?;
+        // Of half a wavelength: the two ends of the line are one direction.
+        let error = direction.point[0] - truth.sine;
+        let error = error - 2.0 * (error / 2.0).round();
+        Some([error, error / direction.sigma[0]])
+    };
+    looked.picture.sources.iter().filter_map(error).collect()
+}
+
 /// Prints, over C/N0, the fraction found, false satellites, sources without a code, errors of the angles in sin (rms,
 /// and over their standard deviations), and transforms.
 #[test]
@@ -142,51 +158,29 @@ fn sensitivity_of_the_look() -> Tested {
             let of = |seed| {
                 let scene =
                     Scene { impulses: (0.0, 1.0), ..Scene::new(elements, ms, cn0, 1000 + seed) };
-                let (looked, truth) = look_at(&scene, geometry);
-                let (right, wrong) = score(&looked, &truth);
-                let unknown = looked.picture.sources.iter().filter(|s| s.sv.is_none()).count();
-                let errors: Vec<(f64, f64)> = looked
-                    .picture
-                    .sources
-                    .iter()
-                    .filter_map(|s| {
-                        let truth = truth.iter().find(|t| Some(t.sv) == s.sv)?;
-                        let direction = s.direction?;
-                        // Of half a wavelength: the two ends of the line are one direction.
-                        let error = direction.point[0] - truth.sine;
-                        let error = error - 2.0 * (error / 2.0).round();
-                        Some((error, error / direction.sigma[0]))
-                    })
-                    .collect();
-                (
-                    right,
-                    wrong,
-                    unknown,
-                    looked.picture.transforms.0,
-                    errors,
-                    looked.picture.sparse.clone(),
-                )
+                look_at(&scene, geometry)
             };
-            let all: Vec<_> = (0..runs).into_par_iter().map(of).collect();
-            let mean = |f: &dyn Fn(&(usize, usize, usize, usize, Vec<(f64, f64)>, _)) -> usize| {
-                all.iter().map(|r| f(r) as f64).sum::<f64>() / runs as f64
+            let all: Vec<Run> = (0..runs).into_par_iter().map(of).collect();
+            let seconds = start.elapsed().as_secs_f64() / runs as f64;
+            let mean = |count: &dyn Fn(&Run) -> usize| {
+                all.iter().map(|run| count(run) as f64).sum::<f64>() / runs as f64
             };
-            let errors: Vec<(f64, f64)> = all.iter().flat_map(|r| r.4.clone()).collect();
-            let rms = |f: &dyn Fn(&(f64, f64)) -> f64| {
-                (errors.iter().map(|e| f(e).powi(2)).sum::<f64>() / errors.len().max(1) as f64)
-                    .sqrt()
+            let errors: Vec<[f64; 2]> = all.iter().flat_map(|(l, t)| angle_errors(l, t)).collect();
+            let rms = |k: usize| {
+                let squares: f64 = errors.iter().map(|e| e[k] * e[k]).sum();
+                (squares / errors.len().max(1) as f64).sqrt()
             };
+            let gaps = all.iter().filter_map(|(l, _)| l.picture.sparse.as_ref().map(|s| s.gap));
             println!(
-                "M {elements:2} {ms:3} ms {} {cn0} dB-Hz: found {:.3} false {:.2} unknown {:.2} transforms {:.0} sin {:.4} over sigma {:.2} gap {:.1e} {:.2} s",
+                "M {elements:2} {ms:3} ms {} {cn0} dB-Hz: found {:.3} false {:.2} unknown {:.2} transforms {:.0} sin {:.4} over sigma {:.2} gap {:.1e} {seconds:.2} s",
                 if geometry { "geometry" } else { "        " },
-                mean(&|r| r.0) / 8.0,
-                mean(&|r| r.1),
-                mean(&|r| r.2),
-                mean(&|r| r.3),
-                rms(&|e| e.0),
-                rms(&|e| e.1),
-                all.iter().filter_map(|r| r.5.as_ref().map(|s| s.gap)).fold(0.0, f64::max),
-                start.elapsed().as_secs_f64() / runs as f64
+                mean(&|(l, t)| score(l, t).0) / 8.0,
+                mean(&|(l, t)| score(l, t).1),
+                mean(&|(l, _)| l.picture.sources.iter().filter(|s| s.sv.is_none()).count()),
+                mean(&|(l, _)| l.picture.transforms.0),
+                rms(0),
+                rms(1),
+                gaps.fold(0.0, f64::max),
             );
         }
     }
@@ -252,7 +246,7 @@ fn with_stranger(scene: &Scene, stranger: Stranger) -> (Block, Vec<Truth>) {
 const STRANGER_SINE: f64 = 0.35;
 
 /// Scenes with each stranger: satellites found, false ones, sources without a code.
-fn strangers(satellites: usize, stranger: Stranger, runs: u64) -> Vec<(Looked, Vec<Truth>)> {
+fn strangers(satellites: usize, stranger: Stranger, runs: u64) -> Vec<Run> {
     let of = |seed| {
         // 2.6 / M apart and more, so that the stranger has a direction of its own.
         let base = Scene { impulses: (0.0, 1.0), scatter: 0.3, ..Scene::new(8, 20, 42.0, seed) };

@@ -3,7 +3,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use sdr_rx::array::sparse::l1_admm::{self, AdmmPlan, AdmmSettings};
 use sdr_rx::array::sparse::lda_l11::{self, LdaL11, LdaSettings};
-use sdr_rx::array::sparse::{Penalty, nmse};
+use sdr_rx::array::sparse::{Penalty, SparseEstimate, nmse};
 use sdr_rx::array::{CMat, paper_dictionary};
 use sdr_rx_lab::Scene;
 use std::hint::black_box;
@@ -53,7 +53,7 @@ fn ratios(_: &mut Criterion) {
         ..AdmmSettings::default()
     };
     let solved = |iterations| plan.solve(&y, &count(iterations)).expect("a solution");
-    let needed = |enough: &dyn Fn(&l1_admm::SparseEstimate) -> bool| {
+    let needed = |enough: &dyn Fn(&SparseEstimate) -> bool| {
         (10..1000).step_by(10).find(|k| enough(&solved(*k))).expect("it converges")
     };
     let settings = LdaSettings::default();
