@@ -17,6 +17,8 @@ use num_complex::Complex32;
 const CA_CODES: [Constellation; 3] = [Constellation::Gps, Constellation::Qzss, Constellation::Sbas];
 /// Time that is coherent in a look: of one navigation bit, s.
 const BLOCK_S: f64 = 0.02;
+/// Code periods that a look needs.
+const MIN_PERIODS: usize = 10;
 /// A look over as long as this, s, follows where the first shows few satellites.
 pub(super) const LONG_S: f64 = 0.2;
 const FEW_SATELLITES: usize = 8;
@@ -86,6 +88,9 @@ pub(super) fn survey(
         look(data, block, manifold.as_ref(), interference, &codes, &options.look)
     };
     let whole = (block.len() as f64 / (signal.period_s() * rate_hz)) as usize;
+    if whole < MIN_PERIODS {
+        return Ok(survey);
+    }
     let longest = (longest_s / signal.period_s()) as usize;
     let long = longest.min(MOST_ROWS / elements).min(whole) / coherent * coherent;
     let looked = look_at(coherent).and_then(|looked| {

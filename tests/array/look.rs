@@ -9,7 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sdr_rx::array::code_periods::periods::CodePeriods;
 use sdr_rx::array::{
-    Engine, LookCodes, LookOptions, Looked, Manifold, Point, SkySource, SparseOptions, look,
+    Engine, LookCodes, LookError, LookOptions, Looked, Manifold, Point, SkySource, SparseOptions,
+    look,
 };
 use sdr_rx::capture::Block;
 use sdr_rx::gnss::antenna::AntennaArray;
@@ -44,6 +45,16 @@ fn look_for(
     options: &LookOptions,
     satellites: &[Transmission],
 ) -> Looked {
+    try_look(block, ms, with_geometry, options, satellites).expect("a look")
+}
+
+fn try_look(
+    block: &Block,
+    ms: usize,
+    with_geometry: bool,
+    options: &LookOptions,
+    satellites: &[Transmission],
+) -> Result<Looked, LookError> {
     let channels: Vec<_> = (0..block.channels()).map(|m| block.channel(m)).collect();
     let data = CodePeriods::new(&channels, RATE_HZ, &GPS_L1_CA, ms);
     let manifold = Manifold::new(AntennaArray::half_wavelength(block.channels()));
@@ -51,7 +62,7 @@ fn look_for(
         LookCodes { satellites, others: &[], doppler_hz: (-5000.0, 5000.0), false_alarm: 1e-3 };
     let block = 20.min(data.periods);
     let geometry = (with_geometry && data.elements > 1).then_some(&manifold);
-    look(data, block, geometry, None, &codes, options).expect("a look")
+    look(data, block, geometry, None, &codes, options)
 }
 
 /// Satellites found at their code phase and Doppler, and false ones.
@@ -299,4 +310,23 @@ fn neither_noise_nor_strangers_give_a_false_satellite() -> Tested {
         }
     }
     Ok(())
+}
+
+#[test]
+fn a_silent_element_and_one_antenna_on_two_channels_are_named() {
+    let block = Scene { impulses: (0.0, 1.0), ..Scene::new(4, 20, 45.0, 3) }.make().0;
+    for geometry in [true, false] {
+        let refused = |block: &Block| {
+            try_look(block, 20, geometry, &LookOptions::default(), &[]).expect_err("no look")
+        };
+        let mut silent = block.clone();
+        silent.channel_mut(2).fill(Complex32::ZERO);
+        assert!(matches!(refused(&silent), LookError::Silent(2)));
+        let mut twins = block.clone();
+        let first = block.channel(0).to_vec();
+        twins.channel_mut(3).copy_from_slice(&first);
+        assert!(matches!(refused(&twins), LookError::Dependent));
+        let nothing = Block::zeros(4, block.len());
+        assert!(matches!(refused(&nothing), LookError::NoNoise));
+    }
 }

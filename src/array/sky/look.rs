@@ -87,6 +87,16 @@ pub enum LookError {
         "directions without codes: the samples are all zero, or hold a number that is not finite"
     )]
     NoNoise,
+    /// One element without samples.
+    #[error(
+        "directions without codes: the samples of channel {0} are all zero: is its antenna connected?"
+    )]
+    Silent(usize),
+    /// Noise that the elements share.
+    #[error(
+        "directions without codes: the noise of the elements is not independent: do channels share an antenna, or a front end?"
+    )]
+    Dependent,
 }
 
 /// The codes searched in the sources of a look.
@@ -155,9 +165,17 @@ impl Look {
         interference: Option<&Interference>,
         options: &LookOptions,
     ) -> Result<Self, LookError> {
+        let powers = data.powers();
+        let silent = powers.iter().position(|p| *p == 0.0);
+        if let Some(channel) = silent.filter(|_| powers.iter().any(|p| *p > 0.0)) {
+            return Err(LookError::Silent(channel));
+        }
         equalise(&mut data, interference);
         let nulled = interference.map_or(0, Interference::count);
         let doppler = DopplerCovariances::new(&data, block, nulled).ok_or(LookError::NoNoise)?;
+        if !doppler.is_independent(nulled) {
+            return Err(LookError::Dependent);
+        }
         let each = (options.false_candidates / doppler.covariances.len() as f64).min(0.5);
         let edge = edge(data.elements - nulled, doppler.samples, each);
         let mut sparse = None;
