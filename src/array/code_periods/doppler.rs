@@ -24,8 +24,6 @@ use std::f64::consts::TAU;
 
 /// Lags over which neighbouring bins may be correlated by the front end's filter.
 const LAGS: usize = 16;
-/// Fraction of the median eigenvalue below which the smallest shows that elements share their noise.
-const DEPENDENT: f64 = 0.3;
 /// Probability of a signal in noise alone when the noise of one covariance is estimated.
 const FLOOR_FALSE_ALARM: f64 = 1e-2;
 
@@ -98,16 +96,6 @@ impl DopplerCovariances {
         look.covariances = covariances.iter().map(scaled).collect();
         look.noise_variance = noise_variance;
         Some(look)
-    }
-
-    /// Whether the noise of the elements, but for `nulled` directions, is independent: no eigenvalue of the covariance
-    /// over all Dopplers is far below the median one, as signals leave it.
-    pub fn is_independent(&self, nulled: usize) -> bool {
-        let elements = self.covariances[0].nrows();
-        let sum = self.covariances[1..].iter().fold(self.covariances[0].clone(), |sum, s| sum + s);
-        let Some((values, _)) = hermitian_eigen(&sum) else { return false };
-        let kept = &values[..elements - nulled];
-        kept[kept.len() - 1] > DEPENDENT * kept[kept.len() / 2]
     }
 
     /// Doppler, Hz, modulo the inverse of a code period.

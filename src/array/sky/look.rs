@@ -15,6 +15,7 @@ use super::interference::Interference;
 use crate::array::CMat;
 use crate::array::code_periods::doppler::DopplerCovariances;
 use crate::array::code_periods::periods::CodePeriods;
+use crate::array::covariance::covariance;
 use crate::array::decision::jane::bearing_sigma;
 use crate::array::decision::random_matrix::eigenvalue_threshold;
 use crate::array::decision::scan::Scan;
@@ -37,6 +38,10 @@ const MAX_POINTS: usize = 40;
 const COHERENT: f64 = 0.5;
 /// And within so many inverse block lengths of each other.
 const NEIGHBOURS: f64 = 2.0;
+
+/// Fraction of the median eigenvalue of some periods below which the smallest shows that elements share their noise.
+const DEPENDENT: f64 = 0.3;
+const TESTED_PERIODS: usize = 10;
 
 /// Options of the look.
 #[derive(Clone, Debug, PartialEq)]
@@ -172,10 +177,10 @@ impl Look {
         }
         equalise(&mut data, interference);
         let nulled = interference.map_or(0, Interference::count);
-        let doppler = DopplerCovariances::new(&data, block, nulled).ok_or(LookError::NoNoise)?;
-        if !doppler.is_independent(nulled) {
+        if !is_independent(&data, nulled).ok_or(LookError::NoNoise)? {
             return Err(LookError::Dependent);
         }
+        let doppler = DopplerCovariances::new(&data, block, nulled).ok_or(LookError::NoNoise)?;
         let each = (options.false_candidates / doppler.covariances.len() as f64).min(0.5);
         let edge = edge(data.elements - nulled, doppler.samples, each);
         let mut sparse = None;
@@ -346,6 +351,19 @@ fn merged(
     let all = groups.iter().enumerate().flat_map(|(index, g)| g.iter().map(move |g| (index, g)));
     let kept = distinct(all.map(candidate).collect(), doppler);
     kept.into_iter().map(|(c, point)| (doppler.doppler_hz(c.index), point)).collect()
+}
+
+/// Whether the noise of the elements, but for `nulled` directions, is independent: no eigenvalue of the covariance of
+/// some periods is far below the median one, as signals leave it. `None` without power.
+fn is_independent(data: &CodePeriods, nulled: usize) -> Option<bool> {
+    let of_period =
+        |k: usize| covariance(&(0..data.elements).map(|m| data.row(m, k)).collect::<Vec<_>>());
+    let zeros = CMat::zeros(data.elements, data.elements);
+    let sum = (0..data.periods.min(TESTED_PERIODS)).fold(zeros, |sum, k| sum + of_period(k));
+    let (values, _) = hermitian_eigen(&sum)?;
+    let kept = &values[..data.elements - nulled];
+    let (smallest, median) = (kept[kept.len() - 1], kept[kept.len() / 2]);
+    (kept[0] > 0.0).then_some(smallest > DEPENDENT * median.max(1e-9 * kept[0]))
 }
 
 /// The eigenvalue, in units of the noise, that noise alone exceeds in one covariance with this probability.
