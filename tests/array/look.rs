@@ -38,7 +38,8 @@ fn look_with(block: &Block, ms: usize, with_geometry: bool, options: &LookOption
     look_for(block, ms, with_geometry, options, &satellites)
 }
 
-fn look_for(
+/// The look at a block, for codes of these satellites.
+pub fn look_for(
     block: &Block,
     ms: usize,
     with_geometry: bool,

@@ -3,14 +3,15 @@
 
 use crate::code_period_svd::mapped;
 use crate::common::Tested;
+use crate::look::look_for;
 use crate::scene::{RATE_HZ, Scene, Truth};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use sdr_rx::array::code_periods::{CodePeriodOptions, search_code_periods};
 use sdr_rx::array::covariance::{compress, covariance};
 use sdr_rx::array::{
-    CMat, Engine, Jane, JaneOptions, Manifold, SparseOptions, arrival, dictionary, row_noise,
-    row_rule, solve,
+    CMat, Engine, Jane, JaneOptions, LookOptions, Manifold, SparseOptions, arrival, dictionary,
+    row_noise, row_rule, solve,
 };
 use sdr_rx::gnss::antenna::AntennaArray;
 
@@ -69,16 +70,18 @@ fn rows(y: &CMat, manifold: &Manifold, step: f64, engine: Engine) -> Vec<f64> {
 /// A setting of the table: elements, ms, sources, dB-Hz, grid step, runs.
 type Setting = (usize, usize, usize, f64, f64, u64);
 
-const NAMES: [&str; 6] = [
+const NAMES: [&str; 8] = [
     "covariance, JANE",
     "covariance, rows",
     "periods, rows",
     "periods, LDA rows",
     "periods, JANE",
     "signatures",
+    "look, rows",
+    "look, JANE",
 ];
 
-fn measure(setting: Setting) -> [Tally; 6] {
+fn measure(setting: Setting) -> [Tally; 8] {
     let (elements, ms, satellites, cn0, step, runs) = setting;
     let manifold = Manifold::new(AntennaArray::half_wavelength(elements));
     let jane = Jane::new(&manifold, JaneOptions::default()).expect("a linear array");
@@ -108,18 +111,23 @@ fn measure(setting: Setting) -> [Tally; 6] {
                 look.found.iter().filter_map(|f| arrival(&manifold, f.signature.as_ref()?));
             let sines =
                 |sources: &[sdr_rx::array::Source]| sources.iter().map(|s| s.point[0]).collect();
-            let found: [Vec<f64>; 6] = [
+            let seen = look_for(&block, ms, true, &LookOptions::default(), &[]).picture;
+            let by_rows = seen.sparse.iter().flat_map(|s| s.directions.iter().map(|d| d.1[0]));
+            let by_jane = seen.sources.iter().filter_map(|s| Some(s.direction?.point[0]));
+            let found: [Vec<f64>; 8] = [
                 sines(&b.sources),
                 rows(&compressed.snapshots, &manifold, step, Engine::Admm),
                 rows(&y, &manifold, step, Engine::Admm),
                 if seed < 4 { rows(&y, &manifold, step, Engine::Lda) } else { Vec::new() },
                 sines(&refined),
                 by_satellite.map(|a| a.point[0]).collect(),
+                by_rows.collect(),
+                by_jane.collect(),
             ];
             (found, truth, seed)
         })
         .collect();
-    let mut tallies = [Tally::default(); 6];
+    let mut tallies = [Tally::default(); 8];
     for (found, truth, seed) in &results {
         for (k, (tally, sines)) in tallies.iter_mut().zip(found).enumerate() {
             if k != 3 || *seed < 4 {
@@ -134,13 +142,18 @@ fn measure(setting: Setting) -> [Tally; 6] {
 #[ignore = "long"]
 fn jane_and_code_periods_find_number_and_angles_in_every_setting() -> Tested {
     for setting in [
-        (50, 10, 8, 45.0, 0.01, 8),
-        (50, 10, 8, 40.0, 0.01, 8),
+        (50, 20, 8, 45.0, 0.01, 8),
+        (50, 20, 8, 36.0, 0.01, 8),
+        (50, 20, 8, 30.0, 0.01, 8),
         (16, 20, 6, 45.0, 0.03, 12),
         (16, 20, 6, 40.0, 0.03, 12),
+        (16, 20, 6, 35.0, 0.03, 12),
+        (16, 20, 6, 32.0, 0.03, 12),
         (8, 20, 4, 45.0, 0.06, 20),
         (8, 20, 4, 40.0, 0.06, 20),
+        (8, 20, 4, 36.0, 0.06, 20),
         (4, 20, 2, 45.0, 0.11, 20),
+        (4, 20, 2, 40.0, 0.11, 20),
         (4, 100, 2, 40.0, 0.11, 20),
     ] {
         println!("{setting:?}");

@@ -90,8 +90,9 @@ impl Look {
                     vain.push(candidate);
                     continue;
                 };
+                let false_alarm = search.false_alarm(self, &candidate, &cell, left.len());
                 left.retain(|t| *t != cell.transmission);
-                let found = search.measured(self, &rows, cell, codes.satellites.len());
+                let found = search.measured(self, &rows, cell, false_alarm);
                 search.remove(self, &found.1);
                 out.found.push((found.0, candidate));
                 is_new = true;
@@ -124,17 +125,26 @@ impl Search {
         cell.fraction * look.data.bins as f64
     }
 
-    /// Probability that noise reaches a cell anywhere in a search of so many satellites.
-    fn false_alarm(&self, look: &Look, cell: &Cell, satellites: usize) -> f64 {
+    /// Probability that noise reaches a cell anywhere in a search of so many satellites: noise of the power that the
+    /// candidate's beam has beside the cell.
+    fn false_alarm(
+        &self,
+        look: &Look,
+        candidate: &Candidate,
+        cell: &Cell,
+        satellites: usize,
+    ) -> f64 {
         let cells = satellites * look.data.bins * self.cells.dopplers(&[0.0]);
         let looks = look.doppler.blocks as f64;
-        statistics::search_false_alarm(Self::statistic(look, cell), looks, cells as f64)
+        let statistic = Self::statistic(look, cell);
+        let beside = 1.0 + candidate.excess - statistic / (look.data.bins as f64 * looks);
+        statistics::search_false_alarm(statistic / beside.max(1.0), looks, cells as f64)
     }
 
     fn accepts(&self, look: &Look, candidate: &Candidate, cell: &Cell, satellites: usize) -> bool {
         let looks = look.doppler.blocks as f64;
         let all = candidate.excess * look.data.bins as f64 * looks;
-        self.false_alarm(look, cell, satellites) < self.false_alarm
+        self.false_alarm(look, candidate, cell, satellites) < self.false_alarm
             && Self::statistic(look, cell) - looks >= MIN_FRACTION * all
     }
 
@@ -144,10 +154,9 @@ impl Search {
         look: &Look,
         rows: &[Row],
         cell: Cell,
-        satellites: usize,
+        false_alarm: f64,
     ) -> (CodeFound, Cell) {
         let mean = look.doppler.blocks as f64 / look.data.bins as f64;
-        let false_alarm = self.false_alarm(look, &cell, satellites);
         let start = cell;
         let mut cell = (0..2).fold(cell, |cell, _| self.cells.centred(rows, cell, mean));
         cell.fraction = self.cells.fraction(rows, &cell);
