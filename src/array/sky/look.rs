@@ -9,7 +9,7 @@
 //! (Tracy and Widom), with one element the power (gamma distribution).
 //!
 //! Three false candidates are expected in noise alone, since each is verified: by its code, the strongest first, in a
-//! beam to it ([`super::identify`]), and in the end, if no code was found, once more in what the others leave.
+//! beam to it (`identify`), and in the end, if no code was found, once more in what the others leave.
 
 use super::interference::Interference;
 use crate::array::CMat;
