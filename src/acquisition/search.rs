@@ -288,7 +288,9 @@ impl SearchPlan {
     ) -> Result<Vec<Acquisition>, AcquisitionError> {
         let mut found = self.search_once(channels, known, &[])?;
         let all: Vec<Acquisition> = found.iter().chain(known).copied().collect();
-        let strong = masking(&all, self.periods as f64 * self.period_s);
+        // In a beam, and against the noise of the sum, cross-correlations are stronger than in one channel.
+        let gain = channels.len() as f64;
+        let strong = masking(&all, gain * self.periods as f64 * self.period_s);
         if strong.is_empty() {
             return Ok(found);
         }
