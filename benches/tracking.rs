@@ -38,7 +38,7 @@ fn kernel(c: &mut Criterion) {
     for rate_hz in [2.6e6, 12e6] {
         let (buffer, start) = one_second(rate_hz);
         let table = CodeTable::new(start.transmission, rate_hz);
-        let taps = table.taps(17.3, 17.3 + rate_hz * 1e-3, 0.25);
+        let taps = table.taps(0, 17.3, 17.3 + rate_hz * 1e-3, 0.25);
         let window = buffer.window(taps.first_sample, taps.first_sample + taps.len as u64);
         let (i, q) = window.expect("a millisecond of the second");
         let step = start.doppler_hz / rate_hz;

@@ -1,19 +1,23 @@
 //! Refinement: Doppler, code phase, symbol edge and C/N0 of an acquired satellite over a whole snapshot.
 //!
-//! The snapshot is correlated once per code period at three taps (one pass over the samples, twice in
-//! all). The prompts give the carrier by maximum likelihood over frequency and symbol edge; the
+//! The snapshot is correlated once per correlation interval at three taps (one pass over the samples, twice in
+//! all, and once more for each side peak of the autocorrelation). The prompts give the carrier by maximum likelihood over frequency and symbol edge; the
 //! data are then wiped off and all periods summed, which gives the code phase by early minus late.
 //! Standard deviations are the Cramer-Rao bounds at the measured C/N0 (Kay, Estimation Theory, 3.11;
 //! Kaplan & Hegarty, 3rd ed., 8.6).
 
 use super::Acquisition;
 use crate::correlator::carrier::{CarrierSpan, estimate_carrier};
-use crate::correlator::{CodeTable, SampleBuffer, correlate};
+use crate::correlator::{CodeTable, SampleBuffer, correlate, lateness_chips};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Distance of early and late from prompt, chips, in the first and the second pass.
 const TAP_CHIPS: [f64; 2] = [0.5, 0.25];
+
+/// Maximum distance of early and late where the autocorrelation is steeper, as the fraction of the peak that it has
+/// fallen by.
+const LARGEST_TAP: f64 = 0.5;
 
 /// Refined measurements of a satellite in a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,15 +107,19 @@ impl<'a> Refiner<'a> {
         table: &CodeTable,
         search_hz: f64,
     ) -> Option<Refined> {
-        let mut now = *coarse;
-        let mut refined = None;
-        for (pass, tap) in TAP_CHIPS.into_iter().enumerate() {
-            let span = if pass == 0 { search_hz } else { search_hz.min(20.0) };
-            let measured = self.measure(&now, table, tap, span)?;
-            now = measured.acquisition;
-            refined = Some(measured);
-        }
-        refined
+        let modulation = coarse.transmission.signal.modulation;
+        let taps = TAP_CHIPS.map(|tap| tap.min(LARGEST_TAP / modulation.slope()));
+        let first = self.measure(coarse, table, taps[0], search_hz)?;
+        // A cell of the search may lie on a side peak: more signal tells.
+        let side_peaks = modulation.side_peaks_chips().flat_map(|delay| [delay, -delay]);
+        let others = side_peaks.filter_map(|delay| {
+            let chips = coarse.transmission.signal.chips as f64;
+            let code_phase_chips = (coarse.code_phase_chips + delay).rem_euclid(chips);
+            self.measure(&Acquisition { code_phase_chips, ..*coarse }, table, taps[0], search_hz)
+        });
+        let strength = |r: &Refined| r.acquisition.cn0_dbhz;
+        let best = others.chain([first]).max_by(|a, b| strength(a).total_cmp(&strength(b)))?;
+        self.measure(&best.acquisition, table, taps[1], search_hz.min(20.0))
     }
 
     fn measure(
@@ -124,9 +132,9 @@ impl<'a> Refiner<'a> {
         let Acquisition { transmission, .. } = *now;
         let clock = transmission.clock_beside(now.doppler_hz, self.code_offset);
         let timing = transmission.timing();
-        let period = clock.period_samples(self.rate_hz);
+        let length = clock.period_samples(self.rate_hz) / transmission.signal.intervals() as f64;
         let first = self.start as f64 + clock.seconds_to_start(now.code_phase_chips) * self.rate_hz;
-        let count = ((self.end as f64 - first) / period).floor().max(0.0) as usize;
+        let count = ((self.end as f64 - first) / length).floor().max(0.0) as usize;
         if count < 2 {
             return None;
         }
@@ -134,8 +142,8 @@ impl<'a> Refiner<'a> {
         let mut offset = 0.0;
         let sums: Vec<[Complex64; 3]> = (0..count)
             .map_while(|k| {
-                let begin = first + k as f64 * period;
-                let taps = table.taps(begin, begin + period, tap_chips);
+                let begin = first + k as f64 * length;
+                let taps = table.taps(k as u64, begin, begin + length, tap_chips);
                 let (i, q) =
                     self.samples.window(taps.first_sample, taps.first_sample + taps.len as u64)?;
                 let phase = (step * (taps.first_sample - self.start) as f64).fract();
@@ -161,19 +169,18 @@ impl<'a> Refiner<'a> {
         let differences: f64 = still.windows(2).map(|w| (w[1] - w[0]).norm_sqr()).sum();
         let noise = 0.5 * differences / (count - 1.0);
         let snr = ((amplitude.norm_sqr() - noise / count) / noise.max(f64::MIN_POSITIVE)).max(1e-6);
-        let cn0 = snr / timing.period_s;
+        let cn0 = snr / timing.interval_s;
 
         let chips_per_sample = transmission.signal.chip_rate_hz / self.rate_hz;
         let distance = table.tap_distance(tap_chips) * chips_per_sample;
-        // Triangular correlation: early 1 - d - x, late 1 - d + x for a signal x chips later than prompt.
+        let slope = transmission.signal.modulation.slope();
         let lateness = |range: std::ops::Range<usize>| {
-            let (early, late) = (wiped(0, range.clone()).norm(), wiped(2, range).norm());
-            (1.0 - distance) * (late - early) / (late + early).max(f64::MIN_POSITIVE)
+            lateness_chips(wiped(0, range.clone()), wiped(2, range), distance, slope)
         };
         let half = prompts.len() / 2;
         let late_chips = lateness(0..prompts.len()) + offset * chips_per_sample;
-        let duration = count * timing.period_s;
-        let code_sigma_chips = (distance / (2.0 * cn0 * duration)).sqrt();
+        let duration = count * timing.interval_s;
+        let code_sigma_chips = (distance / (slope * 2.0 * cn0 * duration)).sqrt();
         // Later by x chips in the second half: the phase at a given sample is x less.
         let code_rate_excess =
             -(lateness(half..prompts.len()) - lateness(0..half)) / (duration / 2.0);
@@ -195,7 +202,7 @@ impl<'a> Refiner<'a> {
             },
             doppler_rate_hz_s: carrier.rate_hz_s,
             doppler_at_s: window_middle_s,
-            doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * timing.period_s),
+            doppler_sigma_hz: (6.0 / (snr * count.powi(3))).sqrt() / (TAU * timing.interval_s),
             code_sigma_chips,
             code_rate_excess,
             code_rate_sigma: code_sigma_chips * 2.0 * 2f64.sqrt() / (duration / 2.0),

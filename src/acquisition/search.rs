@@ -4,7 +4,11 @@
 //! periods after a carrier of Doppler f = f_j + c/T is removed needs only the 2K fractions f_j of 1/T (1 kHz
 //! of a C/A code), since exp(-j 2 pi (c/T) m T) = 1 for whole periods m; within the period c/T is a shift of
 //! the spectrum by c lines. Cost: 2K forward FFTs of N per window, and then one inverse FFT of N per
-//! satellite, Doppler, window and channel, which dominates.
+//! satellite, component, Doppler, window and channel, which dominates.
+//!
+//! Where each code period may change its sign (symbols of one period, or the secondary code of a pilot) a window is one
+//! period, K = 1. A change within it costs half of the power at worst, a third on average. Of data and pilot, which are
+//! of equal power, the powers of both are summed.
 //!
 //! The noise is what the samples show, not white noise by assumption. Each window counts by its own power, and one of
 //! zeros not at all. Each row (code, Doppler) is compared with its own mean. Where the powers of a row vary more from
@@ -25,18 +29,23 @@ use std::sync::Arc;
 
 /// Minimum and maximum number of bins per chip.
 const BINS_PER_CHIP: (usize, usize) = (2, 5);
+/// Bins per chip of a signal with a subcarrier, whose peak is three times narrower. They may be more than samples: a bin
+/// is the place of a sample in the code.
+const BINS_PER_BOC_CHIP: usize = 4;
+/// Maximum number of windows where a window is one code period of 4 ms and more.
+const MOST_ALIGNED_WINDOWS: usize = 10;
 
 /// What to search.
 #[derive(Clone, Debug)]
 pub struct SearchOptions {
-    /// Satellites and their signals, of one code length and chip rate.
+    /// Satellites and their signals; those of a plan are of one code length and chip rate ([`SearchOptions::by_code`]).
     pub satellites: Vec<Transmission>,
     /// Doppler interval, Hz, both ends included.
     pub doppler_hz: (f64, f64),
     /// Maximum rate of the Doppler, Hz/s, either way, that the refinement searches; the search itself assumes
     /// none, which loses nothing below 1 / (8 T^2) for windows of T seconds.
     pub doppler_rate_hz_s: f64,
-    /// Coherent integration, whole ms (1 to 20).
+    /// Coherent integration, whole ms (1 to 20); one code period where each may change its sign.
     pub coherent_ms: usize,
     /// Maximum number of coherent windows summed non-coherently.
     pub max_windows: usize,
@@ -59,21 +68,39 @@ impl Default for SearchOptions {
     }
 }
 
+impl SearchOptions {
+    /// The same for the satellites of each code length and chip rate, in the order in which they are first named. The
+    /// false-alarm probability is divided equally.
+    pub fn by_code(&self) -> Vec<Self> {
+        let code = |t: &Transmission| (t.signal.chips, t.signal.chip_rate_hz);
+        let mut groups: Vec<Vec<Transmission>> = Vec::new();
+        for &transmission in &self.satellites {
+            match groups.iter_mut().find(|g| code(&g[0]) == code(&transmission)) {
+                Some(group) => group.push(transmission),
+                None => groups.push(vec![transmission]),
+            }
+        }
+        let false_alarm = self.false_alarm / groups.len().max(1) as f64;
+        let of = |satellites| Self { satellites, false_alarm, ..self.clone() };
+        groups.into_iter().map(of).collect()
+    }
+}
+
 /// Why a search is impossible.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum AcquisitionError {
-    /// The rate is too low for the code.
+    /// The rate is too low for the signal.
     #[error(
-        "a sampling rate of {rate_hz} Hz is below the chip rate of {name}, {} MHz: is the rate right?",
-        chip_rate_hz / 1e6
+        "a sampling rate of {rate_hz} Hz is below what {name} needs, {} MHz: is the rate right?",
+        least_hz / 1e6
     )]
     Rate {
         /// Rate, Hz.
         rate_hz: f64,
         /// The signal.
         name: &'static str,
-        /// Its chip rate, Hz.
-        chip_rate_hz: f64,
+        /// The lowest rate at which its chips, or halves of its subcarrier, are told apart, Hz.
+        least_hz: f64,
     },
     /// Fewer samples than one coherent window.
     #[error(
@@ -107,8 +134,9 @@ pub struct SearchPlan {
     bins: usize,
     forward: Arc<dyn Fft<f32>>,
     inverse: Arc<dyn Fft<f32>>,
-    /// Conjugate spectra of the codes, one per transmission.
-    codes: Vec<Vec<Complex32>>,
+    /// Conjugate spectra of the codes of each satellite, one per component.
+    codes: Vec<Vec<Vec<Complex32>>>,
+    components: usize,
     /// Beams of the channels, of norm 1.
     beams: Vec<Vec<Complex32>>,
 }
@@ -168,7 +196,7 @@ struct Candidate<'a> {
     bin: usize,
     /// Power over that of the noise.
     power: f64,
-    code: std::borrow::Cow<'a, [Complex32]>,
+    codes: std::borrow::Cow<'a, [Vec<Complex32>]>,
 }
 
 impl SearchPlan {
@@ -197,13 +225,14 @@ impl SearchPlan {
         }
         let bins = bins_per_period(signal, rate_hz);
         let (forward, inverse) = (forward_transform(bins), inverse_transform(bins));
-        let codes = options
-            .satellites
-            .iter()
-            .map(|transmission| code_spectrum(*transmission, bins, &*forward))
-            .collect();
+        let codes: Vec<_> =
+            options.satellites.iter().map(|t| code_spectra(*t, bins, &*forward)).collect();
+        let components = codes[0].len();
         let (period_s, chips) = (signal.period_s(), signal.chips as f64);
-        let periods = (options.coherent_ms as f64 * 1e-3 / period_s).round().max(1.0) as usize;
+        let periods = match options.satellites[0].timing().is_aligned {
+            true => 1,
+            false => (options.coherent_ms as f64 * 1e-3 / period_s).round().max(1.0) as usize,
+        };
         let beams = Vec::new();
         Ok(Self {
             options,
@@ -215,6 +244,7 @@ impl SearchPlan {
             forward,
             inverse,
             codes,
+            components,
             beams,
         })
     }
@@ -247,7 +277,13 @@ impl SearchPlan {
 
     /// Coherent windows that a search of `samples` samples sums.
     pub fn windows(&self, samples: usize) -> usize {
-        (samples / self.window_len()).min(self.options.max_windows)
+        let asked_s = (self.options.coherent_ms * self.options.max_windows) as f64 * 1e-3;
+        let window_s = self.periods as f64 * self.period_s;
+        let most = match self.options.satellites[0].timing().is_aligned {
+            true => ((asked_s / window_s + 1e-6) as usize).clamp(1, MOST_ALIGNED_WINDOWS),
+            false => self.options.max_windows,
+        };
+        (samples / self.window_len()).min(most)
     }
 
     /// Doppler bin spacing, Hz.
@@ -260,9 +296,9 @@ impl SearchPlan {
         (self.options.satellites.len() * self.bins * self.dopplers().count()) as f64
     }
 
-    /// Threshold of the statistic after `windows` non-coherent sums.
-    pub fn threshold(&self, windows: usize) -> f64 {
-        statistics::threshold(self.options.false_alarm, windows as f64, self.cells() * self.tests())
+    /// Threshold of the statistic after `looks` non-coherent sums.
+    pub fn threshold(&self, looks: usize) -> f64 {
+        statistics::threshold(self.options.false_alarm, looks as f64, self.cells() * self.tests())
     }
 
     /// Tests of each cell: with beams also theirs, which have half of the false-alarm probability.
@@ -325,7 +361,7 @@ impl SearchPlan {
             });
         }
         let folded = self.fold(channels, windows);
-        let looks = folded.windows.len();
+        let looks = self.looks(&folded);
         let is_wanted =
             |k: &usize| skipped.iter().all(|s| s.transmission != self.options.satellites[*k]);
         let wanted: Vec<usize> = (0..self.codes.len()).filter(is_wanted).collect();
@@ -349,7 +385,7 @@ impl SearchPlan {
             index: peak.index,
             bin: peak.bin,
             power: peak.power,
-            code: self.codes[k].as_slice().into(),
+            codes: self.codes[k].as_slice().into(),
         };
         let own = |pick: fn(&Best) -> Option<Peak>| {
             wanted.iter().zip(&best).filter_map(move |(&k, b)| Some((k, pick(b)?)))
@@ -407,7 +443,7 @@ impl SearchPlan {
             index: (a.doppler_hz / self.doppler_step()).round() as i64,
             bin: delay.round() as usize % self.bins,
             power: 0.0,
-            code: code_spectrum(a.transmission, self.bins, &*self.forward).into(),
+            codes: code_spectra(a.transmission, self.bins, &*self.forward).into(),
         };
         // The nearest cell of the grid is not always the one that shows most.
         let (index, bin) = (candidate.index, candidate.bin + self.bins);
@@ -437,7 +473,7 @@ impl SearchPlan {
                 / self.chips
         });
         let (mean, squares) = means.fold((0.0, 0.0), |(m, q), p| (m + p, q + p * p));
-        let noise = (1.0 + 2.0 * mean) / folded.windows.len() as f64;
+        let noise = (1.0 + 2.0 * mean) / self.looks(folded) as f64;
         let expected = (noise + CROSS_CORRELATION_SPREAD * squares) / (1.0 + mean).powi(2);
         mean < MINOR_CROSS_CORRELATION && peak.spread < expected * (1.0 + self.spread_error())
     }
@@ -455,7 +491,7 @@ impl SearchPlan {
         let there = powers.into_iter().fold(1.0, f64::max) - 1.0;
         let lines = (row - weak.index) / (2 * self.periods as i64);
         let share = cross_correlation::cross_power(&strong.acquisition, &weak.acquisition, lines);
-        cross_correlation::explains(there * share, weak.power - 1.0, folded.windows.len())
+        cross_correlation::explains(there * share, weak.power - 1.0, self.looks(folded))
     }
 
     /// The row nearest to a satellite of those with the fraction of the spacing of the lines of row `index`.
@@ -554,29 +590,34 @@ impl SearchPlan {
         let bins = self.bins;
         let cycles_per_chip = satellite.acquisition.transmission.cycles_per_chip();
         let mut product = vec![Complex32::ZERO; bins];
-        let power = |look| {
-            self.multiply_row(&satellite.code, index, look, folded, &mut product);
+        let power = |(code, look): (&[Complex32], usize)| {
+            self.multiply_row(code, index, look, folded, &mut product);
             let advance = self.advance(cycles_per_chip, satellite.index, look, folded);
             let bin = (satellite.bin + bins - advance) % bins;
             let turn = |n: usize| phasor(-((n * bin % bins) as f64) / bins as f64);
             let sum: Complex32 = product.iter().enumerate().map(|(n, x)| x * turn(n)).sum();
             f64::from(sum.norm_sqr())
         };
-        let total: f64 = (0..folded.windows.len()).map(power).sum();
+        let total: f64 = looks_of(&satellite.codes, folded).map(power).sum();
         total * bins as f64 / floor
     }
 
-    /// The best cells for one code.
+    /// Powers that are summed in a cell: of each component in each window and channel.
+    fn looks(&self, folded: &Folded) -> usize {
+        self.components * folded.windows.len()
+    }
+
+    /// The best cells for one satellite.
     fn search_one(
         &self,
-        code: &[Complex32],
+        codes: &[Vec<Complex32>],
         cycles_per_chip: f64,
         folded: &Folded,
         threshold: f64,
         fan: Option<&Fan<'_>>,
     ) -> Best {
         let bins = self.bins;
-        let looks = folded.windows.len();
+        let looks = self.looks(folded);
         let ln_limit = statistics::ln_cell_false_alarm(threshold, looks as f64);
         let mut product = vec![Complex32::ZERO; bins];
         let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
@@ -587,13 +628,13 @@ impl SearchPlan {
         let mut kept = vec![Complex32::ZERO; if fan.is_some() { looks * bins } else { 0 }];
         let mut advances = vec![0; looks];
         for index in self.dopplers() {
-            for look in 0..looks {
+            for (of_all, (code, look)) in looks_of(codes, folded).enumerate() {
                 self.multiply_row(code, index, look, folded, &mut product);
                 self.inverse.process_with_scratch(&mut product, &mut scratch);
                 let advance = self.advance(cycles_per_chip, index, look, folded);
                 let (early, late) = product.split_at(bins - advance);
-                add_power(early, &mut power[advance..], look == 0);
-                add_power(late, &mut power[..advance], look == 0);
+                add_power(early, &mut power[advance..], of_all == 0);
+                add_power(late, &mut power[..advance], of_all == 0);
                 if fan.is_some() {
                     kept[look * bins..(look + 1) * bins].copy_from_slice(&product);
                     advances[look] = advance;
@@ -685,14 +726,15 @@ pub(crate) fn searched_signal(
     if !satellites.iter().all(alike) {
         return Err(no_search("codes of different lengths or rates are searched one by one"));
     }
-    if !rate_hz.is_finite() || rate_hz < chip_rate_hz {
-        return Err(AcquisitionError::Rate { rate_hz, name, chip_rate_hz });
+    let least_hz = signal.modulation.narrowband().pieces() as f64 * chip_rate_hz;
+    if !rate_hz.is_finite() || rate_hz < least_hz {
+        return Err(AcquisitionError::Rate { rate_hz, name, least_hz });
     }
     Ok(signal)
 }
 
 /// Bins per code period: as many as samples or slightly fewer, two to five per chip, with prime factors
-/// 2, 3 and 5 only. (FFT lengths with larger ones cost up to four times as much.)
+/// 2, 3 and 5 only; four per chip of a signal with a subcarrier. (FFT lengths with larger ones cost up to four times as much.)
 fn bins_per_period(signal: &Signal, rate_hz: f64) -> usize {
     let is_smooth = |n: &usize| {
         let rest = [2, 3, 5].into_iter().fold(*n, |mut rest, prime| {
@@ -704,24 +746,42 @@ fn bins_per_period(signal: &Signal, rate_hz: f64) -> usize {
         rest == 1
     };
     let from = |bins: usize| (bins..).find(is_smooth).unwrap_or(bins);
+    if signal.modulation.side_peaks_chips().next().is_some() {
+        return from(BINS_PER_BOC_CHIP * signal.chips);
+    }
     let (lowest, highest) = (BINS_PER_CHIP.0 * signal.chips, from(BINS_PER_CHIP.1 * signal.chips));
     let samples = (rate_hz * signal.period_s() + 1e-6) as usize;
     (lowest..=samples.min(highest)).rev().find(is_smooth).unwrap_or(from(lowest))
 }
 
-/// Conjugate spectrum of a code.
-fn code_spectrum(
+/// Conjugate spectra of the codes of a transmission and of its other component of equal power.
+fn code_spectra(
     transmission: Transmission,
     bins: usize,
     forward: &dyn Fft<f32>,
-) -> Vec<Complex32> {
-    let mut spectrum = sampled_code(&transmission.code(), bins);
-    forward.process(&mut spectrum);
-    spectrum.iter_mut().for_each(|c| *c = c.conj());
-    spectrum
+) -> Vec<Vec<Complex32>> {
+    let fraction = transmission.signal.power_fraction;
+    let partner = transmission.partner().filter(|p| p.signal.power_fraction == fraction);
+    let spectrum = |component: Transmission| {
+        let (_, replica) = component.signal.modulation.replica(&component.code());
+        let mut spectrum = sampled_code(&replica, bins);
+        forward.process(&mut spectrum);
+        spectrum.iter_mut().for_each(|c| *c = c.conj());
+        spectrum
+    };
+    [transmission].into_iter().chain(partner).map(spectrum).collect()
 }
 
-/// One period of a code at the middle of each of `bins` bins.
+/// The codes of each component in each look.
+fn looks_of<'a>(
+    codes: &'a [Vec<Complex32>],
+    folded: &Folded,
+) -> impl Iterator<Item = (&'a [Complex32], usize)> + use<'a> {
+    let looks = folded.windows.len();
+    codes.iter().flat_map(move |code| (0..looks).map(move |look| (&code[..], look)))
+}
+
+/// One period of a code, in equal pieces, at the middle of each of `bins` bins.
 fn sampled_code(chips: &[i8], bins: usize) -> Vec<Complex32> {
     (0..bins)
         .map(|bin| Complex32::from(f32::from(chips[(2 * bin + 1) * chips.len() / (2 * bins)])))

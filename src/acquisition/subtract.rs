@@ -38,7 +38,7 @@ pub(crate) fn subtract(
     }
 }
 
-/// By code period, subtracts the combination of early, prompt and late replica that is nearest to the samples.
+/// By correlation interval, subtracts the combination of early, prompt and late replica that is nearest to the samples.
 fn subtract_one(
     samples: &mut [Complex32],
     rate_hz: f64,
@@ -46,13 +46,15 @@ fn subtract_one(
     clock: CodeClock,
     table: &CodeTable,
 ) {
+    let intervals = table.transmission().signal.intervals();
     let period = clock.period_samples(rate_hz);
+    let length = period / intervals as f64;
     // Replicas are indexed from a period before the first sample, within which the first one starts.
     let lead = period.ceil();
     let first = lead - period + clock.seconds_to_start(satellite.code_phase_chips) * rate_hz;
-    let count = ((lead + samples.len() as f64 - first) / period).ceil() as usize;
-    for begin in (0..count).map(|k| first + k as f64 * period) {
-        let taps = table.taps(begin, begin + period, TAP_CHIPS);
+    let count = ((lead + samples.len() as f64 - first) / length).ceil() as usize;
+    for (k, begin) in (0..count).map(|k| (k as u64, first + k as f64 * length)) {
+        let taps = table.taps(k, begin, begin + length, TAP_CHIPS);
         let before = taps.first_sample as usize;
         let range =
             before.max(lead as usize)..(before + taps.len).min(lead as usize + samples.len());

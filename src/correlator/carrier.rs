@@ -32,7 +32,8 @@ pub struct CarrierSpan {
     pub rate_hz_s: f64,
 }
 
-/// Frequency and its rate within `span`, symbol edge and data of a run of prompts.
+/// Frequency and its rate within `span`, symbol edge and data of a run of prompts; where the code tells the edge, the
+/// run starts with a symbol.
 ///
 /// With at most two symbols the signs are searched and the whole run is coherent; with more, the symbols are
 /// first summed non-coherently for edge, frequency and rate, and then squared, which removes the data.
@@ -41,14 +42,14 @@ pub fn estimate_carrier(
     timing: SymbolTiming,
     span: CarrierSpan,
 ) -> Option<CarrierEstimate> {
-    let SymbolTiming { period_s, cycle } = timing;
+    let SymbolTiming { interval_s, cycle, .. } = timing;
     let count = prompts.len();
     let power: f64 = prompts.iter().map(|p| p.norm_sqr()).sum();
     if !power.is_finite() || power <= 0.0 {
         return None;
     }
     let short = count <= 2 * cycle;
-    let half_s = 0.5 * count as f64 * period_s;
+    let half_s = 0.5 * count as f64 * interval_s;
     // Half a step changes the phase at the ends of a short run by 0.3 rad, and the frequency of a long one by
     // 8 Hz, a sixth of the width of a symbol's spectrum.
     let step = if short { 0.2 / (half_s * half_s) } else { 16.0 / half_s };
@@ -61,7 +62,7 @@ pub fn estimate_carrier(
     if !short {
         let symbols = symbol_sums(&run, timing, frequency, edge);
         let squared = |f: f64, r: f64| squared_sum(&symbols, timing, edge, count, f, r).norm();
-        let fine = 1.0 / period_s / (16.0 * count as f64);
+        let fine = 1.0 / interval_s / (16.0 * count as f64);
         // A quarter of a cycle of the squares between the middle and the ends.
         let fine_rate = 0.25 / (half_s * half_s);
         let reach = |step: f64, fine: f64| (step / fine).ceil() as i64;
@@ -79,14 +80,14 @@ pub fn estimate_carrier(
         rate += r;
     }
 
-    let run = without_rate(prompts, period_s, rate);
+    let run = without_rate(prompts, interval_s, rate);
     let symbols_of = |edge: usize| symbol_sums(&run, timing, frequency, edge);
     let phase_of = |symbols: &[Complex64], edge: usize| {
         squared_sum(symbols, timing, edge, count, 0.0, 0.0).arg() / 2.0
     };
     let wipe_off = |edge: usize, signs: &[f64]| -> Vec<Complex64> {
         let factor = |k: usize| {
-            let t = from_the_middle(k, count, period_s);
+            let t = from_the_middle(k, count, interval_s);
             let carrier = Complex64::cis(-TAU * (frequency + 0.5 * rate * t) * t);
             carrier * signs[symbol_of(k, edge, cycle)]
         };
@@ -163,9 +164,13 @@ impl Search {
         rate: f64,
         short: bool,
     ) -> Self {
-        let run = without_rate(prompts, timing.period_s, rate);
+        let run = without_rate(prompts, timing.interval_s, rate);
         let resolution = resolution(run.len(), timing);
-        let edges = if short { run.len().min(timing.cycle) } else { timing.cycle };
+        let edges = match timing.is_aligned {
+            true => 1,
+            false if short => run.len().min(timing.cycle),
+            false => timing.cycle,
+        };
         let steps = (span_hz / resolution).ceil() as i64;
         let (mut frequency, mut edge, mut best) = (0.0, 0, -1.0);
         for step in -steps..=steps {
@@ -185,7 +190,7 @@ impl Search {
 
 /// Step of the frequency search over a run of `count` prompts, Hz.
 fn resolution(count: usize, timing: SymbolTiming) -> f64 {
-    1.0 / timing.period_s / (8.0 * count.min(timing.cycle) as f64)
+    1.0 / timing.interval_s / (8.0 * count.min(timing.cycle) as f64)
 }
 
 /// Power of the run under a frequency and a symbol edge.
@@ -205,14 +210,14 @@ fn score(
 }
 
 /// Time of prompt `k` of `count` from the middle of the run, s.
-fn from_the_middle(k: usize, count: usize, period_s: f64) -> f64 {
-    (k as f64 + 0.5 - 0.5 * count as f64) * period_s
+fn from_the_middle(k: usize, count: usize, interval_s: f64) -> f64 {
+    (k as f64 + 0.5 - 0.5 * count as f64) * interval_s
 }
 
 /// The prompts after a rate of the frequency (Hz/s) is removed.
-fn without_rate(prompts: &[Complex64], period_s: f64, rate_hz_s: f64) -> Vec<Complex64> {
+fn without_rate(prompts: &[Complex64], interval_s: f64, rate_hz_s: f64) -> Vec<Complex64> {
     let turned = |(k, prompt): (usize, &Complex64)| {
-        let t = from_the_middle(k, prompts.len(), period_s);
+        let t = from_the_middle(k, prompts.len(), interval_s);
         prompt * Complex64::cis(-0.5 * TAU * rate_hz_s * t * t)
     };
     prompts.iter().enumerate().map(turned).collect()
@@ -231,11 +236,11 @@ fn symbol_sums(
     frequency_hz: f64,
     edge: usize,
 ) -> Vec<Complex64> {
-    let SymbolTiming { period_s, cycle } = timing;
+    let SymbolTiming { interval_s, cycle, .. } = timing;
     let count = prompts.len();
     let mut symbols = vec![Complex64::ZERO; symbol_of(count - 1, edge, cycle) + 1];
-    let turn = Complex64::cis(-TAU * frequency_hz * period_s);
-    let mut carrier = Complex64::cis(-TAU * frequency_hz * period_s * (0.5 - count as f64 / 2.0));
+    let turn = Complex64::cis(-TAU * frequency_hz * interval_s);
+    let mut carrier = Complex64::cis(-TAU * frequency_hz * interval_s * (0.5 - count as f64 / 2.0));
     for (k, prompt) in prompts.iter().enumerate() {
         symbols[symbol_of(k, edge, cycle)] += prompt * carrier;
         carrier *= turn;
@@ -258,10 +263,10 @@ fn best_signs(symbols: &[Complex64]) -> (Vec<f64>, Complex64) {
 
 /// Middle of symbol `j` within a run of `count` prompts, from the run's middle, s.
 fn symbol_middle_s(j: usize, timing: SymbolTiming, edge: usize, count: usize) -> f64 {
-    let SymbolTiming { period_s, cycle } = timing;
+    let SymbolTiming { interval_s, cycle, .. } = timing;
     let begin = (j * cycle + edge).saturating_sub(if edge == 0 { 0 } else { cycle });
     let end = if edge == 0 { (j + 1) * cycle } else { j * cycle + edge };
-    0.5 * (begin as f64 + end.min(count) as f64 - count as f64) * period_s
+    0.5 * (begin as f64 + end.min(count) as f64 - count as f64) * interval_s
 }
 
 /// Sum of the squares of the symbols of a run of `count` prompts after a further frequency in its middle and a
@@ -308,13 +313,13 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
+    const TIMING: SymbolTiming = SymbolTiming { interval_s: 1e-3, cycle: 20, is_aligned: false };
 
     /// 0.2 s without a transition say nothing of the symbol edge; one transition, by 1 ms of 45 dB-Hz, has a likelihood
     /// ratio of e^(4 snr) = e^126 against its neighbours.
     #[test]
     fn an_edge_is_believed_by_transitions_alone() {
-        let snr = 10f64.powf(4.5) * TIMING.period_s;
+        let snr = 10f64.powf(4.5) * TIMING.interval_s;
         for seed in 0..200u64 {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let turn = rng.random_range(0..400);
@@ -322,7 +327,7 @@ mod tests {
             let prompts: Vec<Complex64> = (0..200)
                 .map(|k| {
                     let sign = if k < turn { 1.0 } else { -1.0 };
-                    let t = from_the_middle(k, 200, TIMING.period_s);
+                    let t = from_the_middle(k, 200, TIMING.interval_s);
                     let noise =
                         Complex64::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
                     Complex64::cis(TAU * f * t) * sign + noise * (0.5 / snr).sqrt()
@@ -346,8 +351,8 @@ mod tests {
     fn rates_of_low_orbits_reach_the_cramer_rao_bound() {
         const COUNT: usize = 200;
         const RUNS: u64 = 60;
-        let snr = 10f64.powf(4.5) * TIMING.period_s;
-        let duration = COUNT as f64 * TIMING.period_s;
+        let snr = 10f64.powf(4.5) * TIMING.interval_s;
+        let duration = COUNT as f64 * TIMING.interval_s;
         let per_prompt = snr * COUNT as f64;
         let frequency_sigma = (6.0 / per_prompt).sqrt() / (TAU * duration);
         let rate_sigma = (360.0 / per_prompt).sqrt() / (TAU * duration * duration);
@@ -361,7 +366,7 @@ mod tests {
                 .collect();
             let prompts: Vec<Complex64> = (0..COUNT)
                 .map(|k| {
-                    let t = from_the_middle(k, COUNT, TIMING.period_s);
+                    let t = from_the_middle(k, COUNT, TIMING.interval_s);
                     let signal = Complex64::cis(0.7 + TAU * (f + 0.5 * r * t) * t);
                     let noise =
                         Complex64::new(rng.sample(StandardNormal), rng.sample(StandardNormal));

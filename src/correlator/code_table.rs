@@ -11,13 +11,15 @@ const GUARD: usize = 192;
 
 /// The code of one transmission at one sampling rate.
 ///
-/// Row `p` of `phases` holds the code at the instants (n + (p + 1/2) / phases) / rate. The table has
-/// about 40 entries a chip whatever the rate, so that it stays in the second-level cache.
+/// Row `p` of `phases` holds the code, with its subcarrier as a narrow front end shows it, at the instants (n + (p +
+/// 1/2) / phases) / rate. The table has about 40 entries a chip whatever the rate: of a code of 1023 chips it stays in
+/// the second-level cache.
 #[derive(Clone, Debug)]
 pub struct CodeTable {
     transmission: Transmission,
     rows: Vec<Vec<i16>>,
-    samples_per_period: f64,
+    samples_per_interval: f64,
+    intervals: usize,
     rate_hz: f64,
 }
 
@@ -25,7 +27,7 @@ pub struct CodeTable {
 pub struct Taps<'a> {
     /// The three replicas, equal in length; up to 16 entries beyond `len` may be read.
     pub codes: [&'a [i16]; 3],
-    /// Number of samples in the code period.
+    /// Number of samples in the correlation interval.
     pub len: usize,
     /// Index of the sample that the first entries belong to.
     pub first_sample: u64,
@@ -36,22 +38,29 @@ pub struct Taps<'a> {
 impl CodeTable {
     /// Tabulates the code at `rate_hz` (at least the chip rate).
     pub fn new(transmission: Transmission, rate_hz: f64) -> Self {
-        let chips = transmission.code();
         let signal = transmission.signal;
+        let (pieces, replica) = signal.modulation.replica(&transmission.code());
         let phases = (PHASES_PER_CHIP * signal.chip_rate_hz / rate_hz).ceil().max(1.0) as usize;
         let samples_per_period = rate_hz * signal.period_s();
-        let chips_per_sample = signal.chip_rate_hz / rate_hz;
+        let pieces_per_sample = pieces as f64 * signal.chip_rate_hz / rate_hz;
         let len = samples_per_period.ceil() as usize + 2 * GUARD + 1;
         let row = |phase: usize| {
             let start = (phase as f64 + 0.5) / phases as f64 - GUARD as f64;
             (0..len)
                 .map(|n| {
-                    let chip = ((start + n as f64) * chips_per_sample).floor() as i64;
-                    i16::from(chips[chip.rem_euclid(chips.len() as i64) as usize])
+                    let piece = ((start + n as f64) * pieces_per_sample).floor() as i64;
+                    i16::from(replica[piece.rem_euclid(replica.len() as i64) as usize])
                 })
                 .collect()
         };
-        Self { transmission, rows: (0..phases).map(row).collect(), samples_per_period, rate_hz }
+        let intervals = signal.intervals();
+        Self {
+            transmission,
+            rows: (0..phases).map(row).collect(),
+            samples_per_interval: samples_per_period / intervals as f64,
+            intervals,
+            rate_hz,
+        }
     }
 
     /// The satellite and signal of the code.
@@ -70,15 +79,19 @@ impl CodeTable {
         (samples * self.rows.len() as f64).round().max(1.0) as usize
     }
 
-    /// Replicas for the code period from the fractional sample index `start` to `end`, early and late
-    /// `tap_chips` away from prompt. The table ignores the Doppler of the code: replica and period are
-    /// aligned in their middles, where a Doppler of 30 kHz shifts the ends by 0.01 chip.
-    pub fn taps(&self, start: f64, end: f64, tap_chips: f64) -> Taps<'_> {
+    /// Replicas for the correlation interval of this number (of a code period, modulo [`Signal::intervals`]), from the
+    /// fractional sample index `start` to `end`, early and late `tap_chips` away from prompt. The table ignores the
+    /// Doppler of the code: replica and interval are aligned in their middles, where a Doppler of 30 kHz shifts the ends
+    /// by 0.01 chip.
+    ///
+    /// [`Signal::intervals`]: crate::gnss::Signal::intervals
+    pub fn taps(&self, interval: u64, start: f64, end: f64, tap_chips: f64) -> Taps<'_> {
         let phases = self.rows.len();
         let first = start.ceil();
-        let len = (end.ceil() - first).clamp(0.0, self.samples_per_period + 8.0) as usize;
-        let stretch = end - start - self.samples_per_period;
-        let lead = first - (start + 0.5 * stretch);
+        let len = (end.ceil() - first).clamp(0.0, self.samples_per_interval + 8.0) as usize;
+        let stretch = end - start - self.samples_per_interval;
+        let before = (interval % self.intervals as u64) as f64 * self.samples_per_interval;
+        let lead = before + first - (start + 0.5 * stretch);
         let step = (lead * phases as f64).floor() as isize;
         let distance = self.steps(tap_chips);
         let replica = |shift: isize| {
@@ -114,7 +127,7 @@ mod tests {
                 let start = 1000.0 + 0.37 * f64::from(k);
                 // A Doppler of up to 40 kHz on the carrier.
                 let stretch = 2.5e-5 * period * (f64::from(k) / 25.0 - 1.0);
-                let taps = table.taps(start, start + period + stretch, 0.25);
+                let taps = table.taps(0, start, start + period + stretch, 0.25);
                 let distance = table.tap_distance(0.25);
                 assert!((distance * chip_rate / rate - 0.25).abs() <= 0.5 / 40.0 + 1e-12);
                 assert!(taps.offset.abs() <= 0.5 / table.rows.len() as f64 + 1e-9);

@@ -1,16 +1,18 @@
 //! Correlation of samples with a code replica and a carrier: the kernel used by the refinement of
 //! acquisitions and by tracking.
 //!
-//! Cost: one pass over the samples per satellite and code period, with all three taps. Samples are
+//! Cost: one pass over the samples per satellite and correlation interval, with all three taps. Samples are
 //! held as planar `i16` (4 bytes a complex sample, converted once and shared by all channels).
 
 mod buffer;
 pub mod carrier;
 mod code_table;
 mod kernel;
+mod lateness;
 #[cfg(test)]
 pub(crate) mod test_signal;
 
 pub use buffer::SampleBuffer;
 pub use code_table::{CodeTable, Taps};
 pub use kernel::{correlate, correlate_scalar};
+pub use lateness::lateness_chips;

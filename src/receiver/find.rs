@@ -112,8 +112,7 @@ pub(super) fn search(
         true => (0..count).map(|k| block.channel(spread(k))).collect(),
         false => formed.iter().map(Vec::as_slice).collect(),
     };
-    let plan = SearchPlan::new(rate_hz, options.clone())?;
-    let fan = match used.manifold {
+    let fan: Vec<_> = match used.manifold {
         Some(manifold) if formed.is_empty() && count == manifold.elements() && count > 1 => {
             let along =
                 if manifold.dimensions() < 2 { count as f64 } else { (count as f64).sqrt() };
@@ -122,7 +121,13 @@ pub(super) fn search(
         }
         _ => Vec::new(),
     };
-    plan.with_beams(&fan).search_channels(&channels, known)
+    let mut found = Vec::new();
+    for group in options.by_code() {
+        let plan = SearchPlan::new(rate_hz, group)?.with_beams(&fan);
+        found.extend(plan.search_channels(&channels, known)?);
+    }
+    found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
+    Ok(found)
 }
 
 impl Region<'_> {
@@ -163,7 +168,12 @@ impl Region<'_> {
     }
 
     fn refine(&self, cell: &Acquisition, searched: &SearchOptions) -> Option<Found> {
-        let span_hz = 1e3 / searched.coherent_ms as f64;
+        let timing = cell.transmission.timing();
+        let coherent_s = match timing.is_aligned {
+            true => cell.transmission.signal.period_s(),
+            false => searched.coherent_ms as f64 * 1e-3,
+        };
+        let span_hz = 1.0 / coherent_s;
         let searched_s = (searched.coherent_ms * searched.max_windows) as f64 * 1e-3;
         let confirms = (self.end - self.start) as f64 / self.rate_hz >= CONFIRMING * searched_s;
         let table = CodeTable::new(cell.transmission, self.rate_hz);

@@ -50,7 +50,11 @@ pub(super) fn survey(
     options: &ReceiverOptions,
 ) -> Result<Survey, AcquisitionError> {
     let elements = block.channels();
-    let signal = searched_signal(&options.search.satellites, rate_hz)?;
+    // Sources are told by code periods of one length, those of the first satellites that were asked for.
+    let Some(asked) = options.search.by_code().into_iter().next() else {
+        return Err(AcquisitionError::Options("no satellite is requested"));
+    };
+    let signal = searched_signal(&asked.satellites, rate_hz)?;
     let coherent = (BLOCK_S / signal.period_s()).round().max(1.0) as usize;
     let channels: Vec<&[Complex32]> = (0..elements).map(|c| block.channel(c)).collect();
     let periods = |count: usize| {
@@ -66,7 +70,7 @@ pub(super) fn survey(
         survey.notices.push(Notice::NoDirections(JaneError::NoDirections.to_string()));
         manifold = None;
     }
-    let satellites = &options.search.satellites;
+    let satellites = &asked.satellites;
     let alike = |t: &Transmission| {
         (t.signal.chips, t.signal.chip_rate_hz) == (signal.chips, signal.chip_rate_hz)
     };
@@ -110,7 +114,7 @@ pub(super) fn survey(
         let is_left = |t: &_| survey.cells.iter().all(|c| c.transmission != *t);
         let most = MOST_DECOMPOSED / elements;
         let asked = CodePeriodOptions {
-            satellites: options.search.satellites.iter().copied().filter(is_left).collect(),
+            satellites: asked.satellites.iter().copied().filter(is_left).collect(),
             max_doppler_hz: low.abs().max(high.abs()),
             ..CodePeriodOptions::new(elements, most)
         };

@@ -83,9 +83,12 @@ impl Track {
         self.log.transmission.sv
     }
 
-    /// By how many code periods the dates do not fit the symbols.
+    /// By how many correlation intervals the dates do not fit the symbols. Where the code itself tells the symbols, they
+    /// always do.
     pub(super) fn misfit(&self) -> Option<i64> {
-        self.log.misfit(self.edge?, self.log.transmission.timing().cycle as u64)
+        let timing = self.log.transmission.timing();
+        let edge = self.edge.filter(|_| !timing.is_aligned)?;
+        self.log.misfit(edge, timing.cycle as u64)
     }
 
     /// What the code loop corrects, as a fraction of the chip rate, while the signal is there.
@@ -162,7 +165,10 @@ impl Track {
         let start = (first.start_sample as u64).max(buffers[0].first_sample());
         let transmission = self.log.transmission;
         let code_rate = transmission.clock(middle.doppler_hz).chip_rate_hz;
-        let chips = (start as f64 - first.start_sample) / rate_hz * code_rate;
+        let intervals = transmission.signal.intervals() as u64;
+        let before = (first.period % intervals) as f64 * transmission.timing().interval_s;
+        let since_s = (start as f64 - first.start_sample) / rate_hz;
+        let chips = before * transmission.signal.chip_rate_hz + since_s * code_rate;
         let at = (middle.doppler_hz, chips.rem_euclid(transmission.signal.chips as f64));
         let span = (start, buffers[0].end());
         let prompts = despread(buffers, rate_hz, span, at, self.channel.code_table());

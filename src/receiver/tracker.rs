@@ -426,8 +426,8 @@ impl Tracker {
         for (track, misfit) in self.tracks.iter_mut().zip(misfits) {
             // One that has read a hand-over word since is dated already.
             if common.is_none() || misfit == common {
-                let period_s = track.log.transmission.signal.period_s();
-                let periods = (lost_s / period_s).round() as i64;
+                let interval_s = track.log.transmission.timing().interval_s;
+                let periods = (lost_s / interval_s).round() as i64;
                 track.log.redate_after(agreed, periods);
             }
         }

@@ -1,11 +1,13 @@
 //! Tracking of one satellite through the stream.
 
-use super::discriminators::{costas_cycles, frequency_hz, lateness_chips};
+use super::discriminators::{costas_cycles, frequency_hz, phase_cycles};
 use super::lock::{LockDetector, LockState};
 use super::loop_filter::{CarrierFilter, code_gain};
+use super::overlay_sync::OverlaySynchroniser;
+use super::peaks::{Neighbour, PeakMonitor};
 use super::symbol_sync::{Symbol, SymbolSynchroniser};
 use crate::acquisition::{Acquisition, Refined};
-use crate::correlator::{CodeTable, SampleBuffer, correlate};
+use crate::correlator::{CodeTable, SampleBuffer, correlate, lateness_chips};
 use crate::gnss::Transmission;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::signal::{CodeClock, SymbolTiming};
@@ -15,13 +17,17 @@ use num_complex::Complex64;
 /// distance of false locks, half the symbol rate: 8 of 25 Hz with symbols of 20 ms.
 const FALSE_LOCK: f64 = 0.32;
 
+/// Maximum distance of early and late from prompt, as the fraction of the peak by which the autocorrelation has fallen.
+const LARGEST_TAP: f64 = 0.5;
+
 /// Time for which the loops stay wide after a start, s.
 const SETTLING_S: f64 = 1.0;
 
 /// Bandwidths and integration times of the loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackingOptions {
-    /// Coherent integration once the symbol edge is known, ms: a divisor of a symbol, and at most one symbol.
+    /// Coherent integration once the symbol edge, of a pilot the secondary code, is known, ms: a divisor of a symbol or of
+    /// the secondary code, and at most one.
     pub coherent_ms: usize,
     /// Noise bandwidth of the phase-locked loop, Hz (lowered to 0.15 / coherent time where that is less).
     pub pll_hz: f64,
@@ -29,7 +35,7 @@ pub struct TrackingOptions {
     pub fll_hz: f64,
     /// Noise bandwidth of the carrier-aided delay-locked loop, Hz (four times that in the first second).
     pub dll_hz: f64,
-    /// Distance of early and late from prompt, chips.
+    /// Distance of early and late from prompt, chips; less where the autocorrelation has fallen to half before.
     pub tap_chips: f64,
 }
 
@@ -70,18 +76,18 @@ impl TrackStart {
     }
 }
 
-/// The state of a track at the start of one code period.
+/// The state of a track at the start of one correlation interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Epoch {
-    /// Index of the code period, counted from the start of the track.
+    /// Index of the interval, counted from the start of the track, which is that of a code period.
     pub period: u64,
-    /// Stream index (fractional) of the sample at which the period starts.
+    /// Stream index (fractional) of the sample at which the interval starts.
     pub start_sample: f64,
-    /// Carrier cycles of the replica since the start of the track, at the start of the period.
+    /// Carrier cycles of the replica since the start of the track, at the start of the interval.
     pub carrier_cycles: f64,
-    /// Doppler at the start of the period, Hz.
+    /// Doppler at the start of the interval, Hz.
     pub doppler_hz: f64,
-    /// Prompt correlation over the period.
+    /// Prompt correlation over the interval, of a pilot without its secondary code once that is known.
     pub prompt: Complex64,
 }
 
@@ -96,9 +102,15 @@ pub struct Quality {
     pub doppler_sigma_hz: f64,
 }
 
-/// The loops of one satellite.
+/// The loops of one satellite: on its signal, or on the pilot of data and pilot.
 pub struct Channel {
     table: CodeTable,
+    /// Beside a pilot, the data component.
+    data: Option<CodeTable>,
+    overlay: Option<OverlaySynchroniser>,
+    /// Where the autocorrelation has side peaks, the first of them, chips.
+    side_chips: Option<f64>,
+    peaks: PeakMonitor,
     rate_hz: f64,
     options: TrackingOptions,
     period: u64,
@@ -121,9 +133,22 @@ pub struct Channel {
 #[derive(Clone, Copy, Debug, Default)]
 struct Interval {
     taps: [Complex64; 3],
+    /// Very early and very late.
+    sides: [Complex64; 2],
     /// Sum of the replicas' offsets from the code phase set by the loop, samples.
     offset: f64,
-    periods: usize,
+    count: usize,
+}
+
+/// Correlations of one interval, the pilot's without its secondary code once that is known.
+struct Sums {
+    /// Early, prompt and late.
+    taps: [Complex64; 3],
+    /// Very early and very late, where they are needed.
+    sides: Option<[Complex64; 2]>,
+    /// Prompt of the data component.
+    data: Complex64,
+    offset: f64,
 }
 
 impl Channel {
@@ -133,8 +158,15 @@ impl Channel {
         let wait_s =
             start.acquisition.code_offset_s() / (1.0 + doppler_hz / transmission.carrier_hz());
         let timing = transmission.timing();
+        let signal = transmission.signal;
+        let data = transmission.partner().filter(|_| transmission.is_pilot());
+        let overlay = transmission.overlay().filter(|_| transmission.is_pilot());
         Self {
             table: CodeTable::new(transmission, rate_hz),
+            data: data.map(|data| CodeTable::new(data, rate_hz)),
+            overlay: overlay.map(|chips| OverlaySynchroniser::new(chips, signal.intervals())),
+            side_chips: signal.modulation.side_peaks_chips().next(),
+            peaks: PeakMonitor::default(),
             rate_hz,
             options,
             period: 0,
@@ -146,7 +178,7 @@ impl Channel {
             filter: CarrierFilter::new(doppler_hz, start.doppler_rate_hz_s),
             interval: Interval::default(),
             last_prompt: None,
-            lock: LockDetector::new(timing),
+            lock: LockDetector::new(timing, signal.power_fraction),
             symbols: SymbolSynchroniser::new(timing, start.symbol_edge.map(|e| e as u64)),
         }
     }
@@ -193,16 +225,18 @@ impl Channel {
 
     /// Current Doppler, Hz: the loop filter's is that of the middle of the current interval.
     pub fn doppler_hz(&self) -> f64 {
-        let from_middle = self.interval.periods as f64 - 0.5 * self.interval_periods() as f64;
-        self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * self.timing().period_s
+        let from_middle = self.interval.count as f64 - 0.5 * self.loop_intervals() as f64;
+        self.filter.doppler_hz() + self.filter.rate_hz_s() * from_middle * self.timing().interval_s
     }
 
     /// Code phase at a sample near the newest one tracked, chips from 0 to below a code period.
     pub fn code_phase_chips(&self, sample: u64) -> f64 {
         let clock = self.transmission().clock_beside(self.carrier_hz, self.code_offset);
-        let chips = self.transmission().signal.chips as f64;
+        let signal = self.transmission().signal;
+        let (chips, intervals) = (signal.chips as f64, signal.intervals() as u64);
+        let before = (self.period % intervals) as f64 / intervals as f64 * chips;
         let since_start_s = (sample as f64 - self.code_start) / self.rate_hz;
-        (since_start_s * clock.chip_rate_hz).rem_euclid(chips) % chips
+        (before + since_start_s * clock.chip_rate_hz).rem_euclid(chips) % chips
     }
 
     /// Current precision of the measurements.
@@ -215,12 +249,14 @@ impl Channel {
     }
 
     /// Standard deviation of the code phase, m: thermal noise through the delay-locked loop at the
-    /// measured C/N0 (Kaplan & Hegarty, 3rd ed., 8.6.3, for a wide front end).
+    /// measured C/N0 (Kaplan & Hegarty, 3rd ed., 8.6.3, for a wide front end; where the autocorrelation is steeper by a
+    /// factor, the noise of early less late, and the square of the discriminator's gain, are so too).
     pub fn code_sigma_m(&self) -> f64 {
         let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
-        let interval = self.interval_periods() as f64 * self.timing().period_s;
-        let variance =
-            self.options.dll_hz * self.options.tap_chips / cn0 * (1.0 + 1.0 / (interval * cn0));
+        let interval = self.loop_intervals() as f64 * self.timing().interval_s;
+        let slope = self.transmission().signal.modulation.slope();
+        let taps = self.tap_chips() / slope;
+        let variance = self.options.dll_hz * taps / cn0 * (1.0 + 1.0 / (interval * cn0));
         variance.sqrt() * SPEED_OF_LIGHT / self.transmission().signal.chip_rate_hz
     }
 
@@ -229,15 +265,20 @@ impl Channel {
     pub fn doppler_sigma_hz(&self) -> f64 {
         let cn0 = 10f64.powf(self.cn0_dbhz().unwrap_or(30.0) / 10.0);
         let (_, bandwidth) = self.bandwidths();
-        let interval = self.interval_periods() as f64 * self.timing().period_s;
+        let interval = self.loop_intervals() as f64 * self.timing().interval_s;
         // |s (1.1 w^2 s + w^3) / (s^3 + 2.4 w s^2 + 1.1 w^2 s + w^3)|^2 integrated: 0.711 w^3.
         let w = bandwidth / 0.7845;
         let squaring = 1.0 + 0.5 / (interval * cn0);
         (0.711 * w.powi(3) / (2.0 * cn0) * squaring).sqrt() / std::f64::consts::TAU
     }
 
-    /// Tracks the signal through all whole code periods of `samples`: appends an epoch for each and the
-    /// symbols they complete. Cost: one pass over the samples.
+    fn tap_chips(&self) -> f64 {
+        let slope = self.transmission().signal.modulation.slope();
+        self.options.tap_chips.min(LARGEST_TAP / slope)
+    }
+
+    /// Tracks the signal through all whole correlation intervals of `samples`: appends an epoch for each and the
+    /// symbols they complete. Cost: one pass over the samples, two of data and pilot.
     pub fn process(
         &mut self,
         samples: &SampleBuffer,
@@ -245,92 +286,144 @@ impl Channel {
         symbols: &mut Vec<Symbol>,
     ) {
         let transmission = self.transmission();
+        let intervals = transmission.signal.intervals() as f64;
         loop {
             let clock = transmission.clock_beside(self.carrier_hz, self.code_offset);
             let chip_rate_hz = clock.chip_rate_hz + self.code_correction;
-            let length = CodeClock { chip_rate_hz, ..clock }.period_samples(self.rate_hz);
-            let end = self.code_start + length;
-            let taps = self.table.taps(self.code_start, end, self.options.tap_chips);
+            let period = CodeClock { chip_rate_hz, ..clock }.period_samples(self.rate_hz);
+            let length = period / intervals;
+            let (start, end) = (self.code_start, self.code_start + length);
+            let taps = self.table.taps(self.period, start, end, self.tap_chips());
             let window = samples.window(taps.first_sample, taps.first_sample + taps.len as u64);
             let Some((i, q)) = window else { return };
             let step = self.carrier_hz / self.rate_hz;
             let phase = self.carrier_cycles + step * (taps.first_sample as f64 - self.code_start);
-            let sums = correlate(i, q, taps.codes, phase.fract(), step);
-            let sums = sums.map(|s| Complex64::new(s.re.into(), s.im.into()));
-            let offset = taps.offset;
-
+            let correlate = |codes: [&[i16]; 3]| {
+                correlate(i, q, codes, phase.fract(), step)
+                    .map(|s| Complex64::new(s.re.into(), s.im.into()))
+            };
+            let sign = self.overlay.as_ref().map_or(1.0, |overlay| overlay.sign(self.period));
+            let taken = correlate(taps.codes).map(|sum| sum * sign);
+            let mut sums = Sums { taps: taken, sides: None, data: taken[1], offset: taps.offset };
+            if let (Some(data), Some(side)) = (&self.data, self.side_chips) {
+                let [_, prompt, _] = data.taps(self.period, start, end, side).codes;
+                let [early, _, late] = self.table.taps(self.period, start, end, side).codes;
+                let [data, early, late] = correlate([prompt, early, late]);
+                (sums.data, sums.sides) = (data, Some([early * sign, late * sign]));
+            }
             epochs.push(Epoch {
                 period: self.period,
-                start_sample: self.code_start,
+                start_sample: start,
                 carrier_cycles: self.carrier_cycles,
                 doppler_hz: self.doppler_hz(),
-                prompt: sums[1],
+                prompt: sums.taps[1],
             });
             self.code_start = end;
             self.carrier_cycles += step * length;
-            self.advance(sums, offset, symbols);
+            self.advance(sums, symbols);
         }
     }
 
-    /// Accumulates one code period and closes the loops where an interval ends.
-    fn advance(&mut self, sums: [Complex64; 3], offset: f64, symbols: &mut Vec<Symbol>) {
-        // Positions by the edge as it was known during the period.
-        let positions = [0, 1].map(|k| self.symbols.position(self.period + k));
-        let coherent = self.coherent_periods() as u64;
-        let false_lock = self.lock.push(sums[1], positions[0]);
-        self.symbols.push(self.period, sums[1], self.lock.powers(), symbols);
-        self.period += 1;
-        for (sum, new) in self.interval.taps.iter_mut().zip(sums) {
+    /// Accumulates one correlation interval and closes the loops where theirs ends.
+    fn advance(&mut self, sums: Sums, symbols: &mut Vec<Symbol>) {
+        // By the edge and the secondary code as they were known during the interval.
+        let position = self.symbols.position(self.period);
+        let end = self.coherent_position(self.period + 1);
+        let coherent = self.loop_intervals() as u64;
+        let prompt = sums.taps[1];
+        let false_lock = self.lock.push(prompt, position);
+        self.symbols.push(self.period, self.data_symbol(sums.data), self.lock.powers(), symbols);
+        for (sum, new) in self.interval.taps.iter_mut().zip(sums.taps) {
             *sum += new;
         }
-        self.interval.offset += offset;
-        self.interval.periods += 1;
-        if positions[1].is_none_or(|position| position % coherent == 0) {
-            self.close_loops(positions[1].is_some());
+        for (sum, new) in self.interval.sides.iter_mut().zip(sums.sides.into_iter().flatten()) {
+            *sum += new;
         }
-        let SymbolTiming { period_s, cycle } = self.timing();
-        let false_lock_hz = FALSE_LOCK / (2.0 * cycle as f64 * period_s);
+        self.interval.offset += sums.offset;
+        self.interval.count += 1;
+        let is_pure = self.overlay.as_ref().is_some_and(|o| o.position(self.period).is_some());
+        if let Some(overlay) = &mut self.overlay {
+            overlay.push(self.period, prompt * overlay.sign(self.period));
+        }
+        self.period += 1;
+        if end.is_none_or(|position| position % coherent == 0) {
+            self.close_loops(is_pure);
+        }
+        let SymbolTiming { interval_s, cycle, .. } = self.timing();
+        let false_lock_hz = FALSE_LOCK / (2.0 * cycle as f64 * interval_s);
         if let Some(error_hz) = false_lock.filter(|e| e.abs() > false_lock_hz) {
             self.filter.step(error_hz);
             self.carrier_hz = self.filter.doppler_hz();
         }
     }
 
-    fn close_loops(&mut self, synchronised: bool) {
-        let Interval { taps: [early, prompt, late], offset, periods } =
+    /// The prompt of the data component with the phase of the tracked one.
+    fn data_symbol(&self, prompt: Complex64) -> Complex64 {
+        let (Some(data), Some(overlay)) = (&self.data, &self.overlay) else { return prompt };
+        let pilot = self.transmission().signal.phase_cycles;
+        let ahead = data.transmission().signal.phase_cycles - pilot;
+        prompt * Complex64::cis(-std::f64::consts::TAU * ahead) * overlay.polarity()
+    }
+
+    fn close_loops(&mut self, is_pure: bool) {
+        let Interval { taps: [early, prompt, late], sides, offset, count } =
             std::mem::take(&mut self.interval);
-        let interval_s = periods as f64 * self.timing().period_s;
+        let interval_s = count as f64 * self.timing().interval_s;
         let (fll_hz, pll_hz) = self.bandwidths();
         let frequency = match self.last_prompt.replace(prompt) {
-            Some(last) if !synchronised => frequency_hz(last, prompt, interval_s),
+            Some(last) if fll_hz > 0.0 => frequency_hz(last, prompt, interval_s),
             _ => 0.0,
         };
-        self.carrier_hz =
-            self.filter.update(costas_cycles(prompt), pll_hz, frequency, fll_hz, interval_s);
+        let phase = if is_pure { phase_cycles(prompt) } else { costas_cycles(prompt) };
+        self.carrier_hz = self.filter.update(phase, pll_hz, frequency, fll_hz, interval_s);
 
-        let chips_per_sample = self.transmission().signal.chip_rate_hz / self.rate_hz;
-        let distance = self.table.tap_distance(self.options.tap_chips) * chips_per_sample;
-        let late_chips =
-            lateness_chips(early, late, distance) + offset / periods as f64 * chips_per_sample;
-        let settling = self.period as f64 * self.timing().period_s < SETTLING_S;
+        let signal = self.transmission().signal;
+        let chips_per_sample = signal.chip_rate_hz / self.rate_hz;
+        let distance = self.table.tap_distance(self.tap_chips()) * chips_per_sample;
+        let late_chips = lateness_chips(early, late, distance, signal.modulation.slope())
+            + offset / count as f64 * chips_per_sample;
+        let settling = self.period as f64 * self.timing().interval_s < SETTLING_S;
         let bandwidth = self.options.dll_hz * if settling { 4.0 } else { 1.0 };
         self.code_correction = -code_gain(bandwidth) * late_chips;
+        if let Some(side_chips) = self.side_chips.filter(|_| self.data.is_some())
+            && let Some(neighbour) = self.peaks.push(prompt, sides)
+        {
+            let later = if neighbour == Neighbour::Later { side_chips } else { -side_chips };
+            self.code_start += later / chips_per_sample;
+            self.code_correction = 0.0;
+        }
     }
 
     /// Current bandwidths of the frequency- and the phase-locked loop, Hz.
     fn bandwidths(&self) -> (f64, f64) {
-        let stable = 0.15 / (self.interval_periods() as f64 * self.timing().period_s);
-        let fll = if self.symbols.edge().is_some() { 0.0 } else { self.options.fll_hz };
+        let stable = 0.15 / (self.loop_intervals() as f64 * self.timing().interval_s);
+        let fll = if self.is_synchronised() { 0.0 } else { self.options.fll_hz };
         (fll, self.options.pll_hz.min(stable))
     }
 
-    fn interval_periods(&self) -> usize {
-        if self.symbols.edge().is_some() { self.coherent_periods() } else { 1 }
+    /// Whether the symbol edge, of a pilot the secondary code, is known.
+    fn is_synchronised(&self) -> bool {
+        match &self.overlay {
+            Some(overlay) => overlay.position(0).is_some(),
+            None => self.symbols.edge().is_some(),
+        }
     }
 
-    /// Code periods of a coherent sum once the symbol edge is known.
-    fn coherent_periods(&self) -> usize {
-        self.timing().coherent_periods(self.options.coherent_ms)
+    /// Place of a correlation interval in what nothing but noise changes the sign of: the secondary code, where it is
+    /// known, else a symbol.
+    fn coherent_position(&self, interval: u64) -> Option<u64> {
+        let of_overlay = self.overlay.as_ref().and_then(|overlay| overlay.position(interval));
+        of_overlay.or_else(|| self.symbols.position(interval))
+    }
+
+    /// Correlation intervals between updates of the loops.
+    fn loop_intervals(&self) -> usize {
+        let cycle = match &self.overlay {
+            Some(overlay) if self.is_synchronised() => overlay.cycle(),
+            _ if self.symbols.edge().is_some() => self.timing().cycle,
+            _ => return 1,
+        };
+        SymbolTiming { cycle, ..self.timing() }.coherent_intervals(self.options.coherent_ms)
     }
 }
 

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 /// ms R1/N is 1 +- sqrt(3/200) = 0.12.
 const BLOCK: usize = 200;
 
-/// A block below this C/N0 indicates loss of lock, dB-Hz: six standard deviations from a satellite at 30.
+/// A block below this C/N0 (of all components) indicates loss of lock, dB-Hz: six standard deviations from a satellite at 30.
 const LOSS_DBHZ: f64 = 24.5;
 
 /// Number of consecutive blocks below it that mean loss of lock.
@@ -47,6 +47,7 @@ pub struct PromptPowers {
 #[derive(Clone, Debug)]
 pub struct LockDetector {
     timing: SymbolTiming,
+    loss_dbhz: f64,
     last: Option<Complex64>,
     r0: f64,
     r1: Complex64,
@@ -62,10 +63,11 @@ pub struct LockDetector {
 }
 
 impl LockDetector {
-    /// For symbols of this timing.
-    pub fn new(timing: SymbolTiming) -> Self {
+    /// For symbols of this timing, of a component with this fraction of the signal's power.
+    pub fn new(timing: SymbolTiming, power_fraction: f64) -> Self {
         Self {
             timing,
+            loss_dbhz: LOSS_DBHZ + 10.0 * power_fraction.log10(),
             last: None,
             r0: 0.0,
             r1: Complex64::ZERO,
@@ -114,7 +116,7 @@ impl LockDetector {
         let ratio = self.noise / (half * self.signal).max(f64::MIN_POSITIVE);
         let sigma = (ratio * (1.0 + 0.5 * ratio) / count).sqrt();
         (self.blocks > 0 && angle.abs() > 5.0 * sigma)
-            .then_some(angle / TAU * (1.0 / (half * self.timing.period_s)))
+            .then_some(angle / TAU * (1.0 / (half * self.timing.interval_s)))
     }
 
     fn end_block(&mut self) {
@@ -126,7 +128,7 @@ impl LockDetector {
         let weight = 1.0 / (self.blocks as f64).min(AVERAGED);
         self.signal += weight * (signal - self.signal);
         self.noise += weight * (noise - self.noise);
-        self.bad = if self.dbhz(signal, noise) < LOSS_DBHZ { self.bad + 1 } else { 0 };
+        self.bad = if self.dbhz(signal, noise) < self.loss_dbhz { self.bad + 1 } else { 0 };
     }
 
     /// C/N0 over the last second, dB-Hz; None before the first 0.2 s.
@@ -141,7 +143,7 @@ impl LockDetector {
     }
 
     fn dbhz(&self, signal: f64, noise: f64) -> f64 {
-        10.0 * (signal / noise * (1.0 / self.timing.period_s)).max(1.0).log10()
+        10.0 * (signal / noise * (1.0 / self.timing.interval_s)).max(1.0).log10()
     }
 
     /// The current state.
@@ -161,11 +163,13 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
+    const TIMING: SymbolTiming = SymbolTiming { interval_s: 1e-3, cycle: 20, is_aligned: false };
+
     /// Prompts of a C/N0 with unit noise power, rotating by `df` Hz.
     fn run(cn0: f64, df: f64, count: usize, seed: u64) -> (LockDetector, Vec<f64>) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let amplitude = (10f64.powf(cn0 / 10.0) * 1e-3).sqrt();
-        let mut detector = LockDetector::new(SymbolTiming { period_s: 1e-3, cycle: 20 });
+        let mut detector = LockDetector::new(TIMING, 1.0);
         let mut errors = Vec::new();
         for k in 0..count {
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };

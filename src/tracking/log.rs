@@ -13,7 +13,7 @@ pub struct TrackLog {
     /// The satellite and its signal.
     pub transmission: Transmission,
     measurements: Vec<Measurement>,
-    /// Code periods whose time of transmission is known, s of week, in order of the period.
+    /// Correlation intervals whose time of transmission is known, s of week, in order.
     anchors: Vec<(u64, f64)>,
     last: Option<Epoch>,
     /// Whether nothing was measured.
@@ -27,7 +27,7 @@ struct Measurement {
     sample: u64,
     /// Whether it is the first of its track.
     is_first: bool,
-    /// Code period under way, and how much of it has passed.
+    /// Correlation interval under way, and how much of it has passed.
     period: u64,
     fraction: f64,
     carrier_cycles: f64,
@@ -45,6 +45,10 @@ impl TrackLog {
             last: None,
             is_empty: true,
         }
+    }
+
+    fn interval_s(&self) -> f64 {
+        self.transmission.timing().interval_s
     }
 
     /// Takes the next epochs of the track (in order, without gaps) and keeps the measurements at the receive
@@ -86,28 +90,28 @@ impl TrackLog {
         !self.measurements.is_empty()
     }
 
-    /// Sets the transmit time of code period `period` to time of week `tow_s`. One that follows from the
+    /// Sets the transmit time of correlation interval `period` to time of week `tow_s`. One that follows from the
     /// known ones is not added.
     pub fn anchor(&mut self, period: u64, tow_s: f64) {
         let known = self.tow_s(period, 0.0);
-        if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * self.transmission.signal.period_s()) {
+        if known.is_none_or(|tow| (tow - tow_s).abs() > 0.5 * self.interval_s()) {
             self.anchors.push((period, tow_s));
         }
     }
 
-    /// By how many code periods the dates put the symbols that start at `edge` (modulo their `cycle`) after whole
+    /// By how many correlation intervals the dates put the symbols that start at `edge` (modulo their `cycle`) after whole
     /// symbols: 0 where dates and symbols agree.
     pub fn misfit(&self, edge: u64, cycle: u64) -> Option<i64> {
         let last = self.last?.period;
         let period = last - (last + cycle - edge % cycle) % cycle;
-        let periods = self.tow_s(period, 0.0)? / self.transmission.signal.period_s();
+        let periods = self.tow_s(period, 0.0)? / self.interval_s();
         let off = (periods.round() as i64).rem_euclid(cycle as i64);
         Some(if off >= cycle as i64 / 2 { off - cycle as i64 } else { off })
     }
 
-    /// Dates all by so many code periods later.
+    /// Dates all by so many correlation intervals later.
     pub fn redate(&mut self, periods: i64) {
-        let later_s = periods as f64 * self.transmission.signal.period_s();
+        let later_s = periods as f64 * self.interval_s();
         self.anchors.iter_mut().for_each(|(_, tow_s)| *tow_s += later_s);
     }
 
@@ -116,11 +120,11 @@ impl TrackLog {
         self.measurements.retain(|m| m.sample <= after || m.sample > until);
     }
 
-    /// Dates what was measured after a sample by so many code periods later.
+    /// Dates what was measured after a sample by so many correlation intervals later.
     pub fn redate_after(&mut self, sample: u64, periods: i64) {
         let first = self.measurements.iter().find(|m| m.sample > sample).map(|m| m.period);
         let Some(period) = first.or(self.last.map(|last| last.period)) else { return };
-        let later_s = periods as f64 * self.transmission.signal.period_s();
+        let later_s = periods as f64 * self.interval_s();
         let Some(tow_s) = self.tow_s(period, 0.0) else { return };
         self.anchors.retain(|a| a.0 < period);
         self.anchors.push((period, tow_s + later_s));
@@ -142,9 +146,13 @@ impl TrackLog {
         let doppler = 0.5 * (old.doppler_hz + new.doppler_hz);
         let expected = elapsed * (1.0 + doppler / self.transmission.carrier_hz() + code_offset);
         let period_s = self.transmission.signal.period_s();
-        let periods = (expected / period_s).round();
-        self.anchor(new.period, tow + periods * period_s);
-        Some(expected - periods * period_s)
+        // Between the starts of code periods.
+        let intervals = self.transmission.signal.intervals() as u64;
+        let into = |epoch: Epoch| (epoch.period % intervals) as f64 * self.interval_s();
+        let within = into(new) - into(old);
+        let whole_s = ((expected - within) / period_s).round() * period_s + within;
+        self.anchor(new.period, tow + whole_s);
+        Some(expected - whole_s)
     }
 
     /// The sample and transmit time of week (s) of the earliest dated measurement.
@@ -159,7 +167,7 @@ impl TrackLog {
         let after = self.anchors.partition_point(|a| a.0 <= period);
         let (origin, tow) = *self.anchors.get(after.saturating_sub(1))?;
         let periods = period as f64 - origin as f64;
-        Some(tow + (periods + fraction) * self.transmission.signal.period_s())
+        Some(tow + (periods + fraction) * self.interval_s())
     }
 
     /// The dated measurement at a sample that was received at `receive_time` by the receiver's clock.

@@ -10,6 +10,8 @@ mod discriminators;
 mod lock;
 mod log;
 mod loop_filter;
+mod overlay_sync;
+mod peaks;
 mod symbol_sync;
 
 pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};

@@ -118,9 +118,11 @@ impl Rivals {
 }
 
 impl SymbolSynchroniser {
-    /// For symbols of this timing, with an edge (index of a code period) if it is known already.
+    /// For symbols of this timing, with an edge (index of an interval) if it is known already; interval 0 starts a code
+    /// period.
     pub fn new(timing: SymbolTiming, edge: Option<u64>) -> Self {
-        let edge = edge.map(|e| e % timing.cycle as u64);
+        let edge = edge.filter(|_| !timing.is_aligned).map(|e| e % timing.cycle as u64);
+        let edge = edge.or(timing.is_aligned.then_some(0));
         let (history, first) = (Vec::new(), 0);
         let rivals = Rivals::new(timing.cycle);
         Self { timing, history, first, edge, sum: Complex64::ZERO, count: 0, rivals }
@@ -153,6 +155,7 @@ impl SymbolSynchroniser {
     ) {
         if let (Some(edge), Some(position)) = (self.edge, self.position(period)) {
             self.add(period, position, prompt, symbols);
+            let powers = powers.filter(|_| !self.timing.is_aligned);
             let contradicted = powers.and_then(|p| self.rivals.push(period, edge, prompt, p));
             if let Some(other) = contradicted {
                 self.edge = Some(other);
@@ -217,7 +220,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
-    const TIMING: SymbolTiming = SymbolTiming { period_s: 1e-3, cycle: 20 };
+    const TIMING: SymbolTiming = SymbolTiming { interval_s: 1e-3, cycle: 20, is_aligned: false };
 
     #[test]
     fn edges_are_found_and_all_symbols_given_at_thirty_dbhz() {

@@ -26,7 +26,10 @@ impl Constellation {
     pub const ALL: [Self; 6] =
         [Self::Gps, Self::Qzss, Self::Sbas, Self::Galileo, Self::BeiDou, Self::Glonass];
 
-    /// Those that send C/A codes, whose PRN numbers are of one series; what a receiver can search today.
+    /// Those whose signals a receiver can search today.
+    const RECEIVED: [Self; 4] = [Self::Gps, Self::Qzss, Self::Sbas, Self::Galileo];
+
+    /// Those that send C/A codes, whose PRN numbers are of one series.
     const OF_CA_CODES: [Self; 3] = [Self::Gps, Self::Qzss, Self::Sbas];
 
     /// Its letter in RINEX, the numbers of its satellites there, and what is added to them to give the PRN
@@ -105,7 +108,7 @@ impl fmt::Display for Sv {
 /// Why a text names no satellite.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error(
-    "'{0}' names no satellite: G01-G32, J01-J10 (or J193-J202), S20-S58 (or S120-S158), or a bare PRN number"
+    "'{0}' names no satellite: G01-G32, E01-E36, J01-J10 (or J193-J202), S20-S58 (or S120-S158), or a bare PRN number"
 )]
 pub struct ParseSvError(String);
 
@@ -131,8 +134,8 @@ impl FromStr for Sv {
     }
 }
 
-/// A list of satellites to be received, such as `G01-G32,J193-J199` or `1-32,193`, in the order written, each
-/// satellite once; of the systems whose signals the receiver can search, those of C/A codes.
+/// A list of satellites to be received, such as `G01-G32,E01-E36` or `1-32,193`, in the order written, each satellite
+/// once; of the systems whose signals the receiver can search.
 pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
     let mut list: Vec<Sv> = Vec::new();
     for item in text.split(',').map(str::trim) {
@@ -140,7 +143,7 @@ pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
             Some((a, b)) => (a.parse::<Sv>()?, b.parse::<Sv>()?),
             None => (item.parse::<Sv>()?, item.parse::<Sv>()?),
         };
-        let is_searched = Constellation::OF_CA_CODES.contains(&first.constellation);
+        let is_searched = Constellation::RECEIVED.contains(&first.constellation);
         if last < first || first.constellation != last.constellation || !is_searched {
             return Err(ParseSvError(item.to_owned()));
         }
@@ -193,7 +196,8 @@ mod tests {
         }
         assert_eq!(parse_sv_list("G01-G32,J193-J199").unwrap().len(), 39);
         assert_eq!(parse_sv_list("1-32,193").unwrap().len(), 33);
-        assert!(parse_sv_list("E01-E05").is_err(), "no stage receives them yet");
+        assert_eq!(parse_sv_list("E01-E05").unwrap().len(), 5);
+        assert!(parse_sv_list("R01-R05").is_err(), "no stage receives them yet");
         assert!(parse_sv_list("G30-J01").is_err() && parse_sv_list("G05-G01").is_err());
     }
 }

@@ -81,7 +81,7 @@ impl ArraySky {
         self.one_direction = one_direction(&references);
         let seen = |(transmission, signature): (Transmission, Signature)| SatelliteArrival {
             sv: transmission.sv,
-            cn0_dbhz: 10.0 * (signature.snr / transmission.signal.period_s()).log10(),
+            cn0_dbhz: 10.0 * (signature.snr / transmission.timing().interval_s).log10(),
             arrival: manifold.and_then(|m| arrival(m, &signature)),
             signature,
             predicted: None,

@@ -88,11 +88,13 @@ mod tests {
     #[test]
     fn data_and_pilot_are_reached_from_each_other() {
         let sv = "E11".parse().unwrap();
-        let data = crate::signal::of(sv);
-        let pilot = data.partner().unwrap();
+        let pilot = crate::signal::of(sv);
+        let data = pilot.partner().unwrap();
         assert_eq!((data.signal, pilot.signal), (&GALILEO_E1B, &GALILEO_E1C));
-        assert_eq!(pilot.partner(), Some(data));
-        assert!(data.decoder().is_some() && pilot.decoder().is_none());
+        assert_eq!(data.partner(), Some(pilot));
+        assert!(data.decoder().is_some() && pilot.decoder().is_some());
+        assert!(pilot.is_pilot() && !data.is_pilot());
+        assert_eq!((pilot.timing().cycle, data.timing().is_aligned), (4, true));
         assert_eq!((data.overlay(), pilot.overlay().unwrap().len()), (None, 25));
         assert_eq!(data.signal.power_fraction + pilot.signal.power_fraction, 1.0);
     }

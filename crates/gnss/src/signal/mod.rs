@@ -42,13 +42,14 @@ pub const L1_CENTRE_HZ: f64 = 1_575.42e6;
 /// Wavelength at the centre of L1, m.
 pub const L1_WAVELENGTH: f64 = SPEED_OF_LIGHT / L1_CENTRE_HZ;
 
-/// All signals that are known; the first of a constellation is the default of its satellites.
+/// All signals that are known; the first of a constellation is the default of its satellites: where data and pilot are
+/// sent together and both are received, the pilot, on which code and carrier are tracked.
 pub static ALL: [&Signal; 11] = [
     &GPS_L1_CA,
     &QZSS_L1_CA,
     &SBAS_L1,
-    &GALILEO_E1B,
     &GALILEO_E1C,
+    &GALILEO_E1B,
     &BEIDOU_B1I,
     &BEIDOU_B1C_DATA,
     &BEIDOU_B1C_PILOT,
@@ -131,6 +132,12 @@ impl Signal {
     /// Period of the primary code, s.
     pub const fn period_s(&self) -> f64 {
         self.chips as f64 / self.chip_rate_hz
+    }
+
+    /// Correlation intervals in a code period, of equal length: one of codes up to 1 ms, else as many as the period has
+    /// milliseconds, so that the carrier may be off by as much whatever the code.
+    pub fn intervals(&self) -> usize {
+        (self.period_s() * 1e3).round().max(1.0) as usize
     }
 
     /// Carrier of a satellite, Hz; of one whose frequency channel is not known that of channel 0.
@@ -233,16 +240,28 @@ impl Transmission {
         self.signal.partner.map(|signal| Self { sv: self.sv, signal })
     }
 
-    /// A new decoder of its message; none of a pilot, nor of a message that is not known here.
+    /// Whether it carries no data.
+    pub fn is_pilot(&self) -> bool {
+        (self.signal.symbols)(self.sv.number()).is_none()
+    }
+
+    /// A new decoder of its message, or of a pilot that of the data component beside it; none of a message that is not
+    /// known here.
     pub fn decoder(&self) -> Option<Box<dyn MessageDecoder>> {
-        let decoder = (self.signal.symbols)(self.sv.number())?.decoder?;
+        let data = if self.is_pilot() { self.partner()? } else { *self };
+        let decoder = (data.signal.symbols)(self.sv.number())?.decoder?;
         Some(decoder())
     }
 
-    /// Code periods and symbols as a receiver sums them.
+    /// Correlation intervals and symbols as a receiver sums them.
     pub fn timing(&self) -> SymbolTiming {
-        let cycle = self.signal.periods_per_symbol(self.sv);
-        SymbolTiming { period_s: self.signal.period_s(), cycle }
+        let (periods, intervals) =
+            (self.signal.periods_per_symbol(self.sv), self.signal.intervals());
+        SymbolTiming {
+            interval_s: self.signal.period_s() / intervals as f64,
+            cycle: periods * intervals,
+            is_aligned: periods == 1,
+        }
     }
 
     /// The code's clock at a Doppler of the carrier, Hz, where one oscillator drives mixer and sampler.
@@ -259,19 +278,22 @@ impl Transmission {
     }
 }
 
-/// How code periods make up symbols.
+/// How correlation intervals make up symbols.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SymbolTiming {
-    /// Code period, s.
-    pub period_s: f64,
-    /// Code periods in a symbol.
+    /// Length of a correlation interval, s: a code period, or one of [`Signal::intervals`] parts of it.
+    pub interval_s: f64,
+    /// Intervals in a symbol; of a pilot, in a code period.
     pub cycle: usize,
+    /// Whether each code period is a symbol (of a pilot, a chip of the secondary code), so that the code tells where
+    /// symbols start.
+    pub is_aligned: bool,
 }
 
 impl SymbolTiming {
-    /// Code periods of a coherent sum of so many milliseconds: at least one, and at most one symbol.
-    pub fn coherent_periods(&self, coherent_ms: usize) -> usize {
-        ((coherent_ms as f64 * 1e-3 / self.period_s).round() as usize).clamp(1, self.cycle)
+    /// Intervals of a coherent sum of so many milliseconds: at least one, and at most one symbol.
+    pub fn coherent_intervals(&self, coherent_ms: usize) -> usize {
+        ((coherent_ms as f64 * 1e-3 / self.interval_s).round() as usize).clamp(1, self.cycle)
     }
 }
 

@@ -67,6 +67,29 @@ impl Modulation {
         }
     }
 
+    /// Decrease of the autocorrelation by a chip of delay, near its peak, of the [`narrowband`](Self::narrowband)
+    /// subcarrier: 1 of BPSK, 3 of BOC(1,1).
+    pub fn slope(self) -> f64 {
+        match self.narrowband() {
+            Self::Boc { ratio } => 4.0 * f64::from(ratio) - 1.0,
+            _ => 1.0,
+        }
+    }
+
+    /// One code period as a receiver correlates with it, in equal pieces of chips: how many there are in a chip, and
+    /// their signs.
+    pub fn replica(self, code: &[i8]) -> (usize, Vec<i8>) {
+        let subcarrier = self.narrowband();
+        let pieces = subcarrier.pieces();
+        let sign = |(chip, value): (usize, &i8)| {
+            let (chip, value) = (chip, *value);
+            (0..pieces).map(
+                move |piece| if subcarrier.amplitude(chip, piece) < 0.0 { -value } else { value },
+            )
+        };
+        (pieces, code.iter().enumerate().flat_map(sign).collect())
+    }
+
     /// Delays, chips, of the side peaks of the autocorrelation to which a loop may lock: one either side of each, in
     /// steps of half a period of the subcarrier.
     pub fn side_peaks_chips(self) -> impl Iterator<Item = f64> {
@@ -129,6 +152,9 @@ mod tests {
         assert_eq!(boc.side_peaks_chips().collect::<Vec<_>>(), [0.5]);
         assert_eq!(Modulation::Cboc { pilot: true }.side_peaks_chips().collect::<Vec<_>>(), [0.5]);
         assert_eq!(Modulation::Bpsk.side_peaks_chips().count(), 0);
+        assert_eq!(Modulation::Bpsk.slope(), 1.0);
+        assert!((1.0 - boc.slope() / 12.0 - correlation(boc, boc, 1)).abs() < 1e-12);
+        assert_eq!(boc.replica(&[1, -1]), (2, vec![1, -1, -1, 1]));
     }
 
     /// Signs within one chip, as OS SIS ICD 2.3.3 draws them: a + b, a - b, ... over the first half.
