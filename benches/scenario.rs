@@ -4,7 +4,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use num_complex::Complex64;
 use sdr_rx::capture::{Block, SampleSource};
 use sdr_rx::gnss::{Sv, signal};
-use sdr_rx::scenario::kernel::{chip_table, mix_add, spread};
+use sdr_rx::scenario::kernel::{ChipTable, mix_add};
 use sdr_rx::scenario::noise::{GaussianMixture, NoiseSource};
 use sdr_rx::scenario::{Scenario, ScenarioSource};
 use std::hint::black_box;
@@ -15,10 +15,11 @@ fn kernels(c: &mut Criterion) {
     let mut group = c.benchmark_group("scenario kernels, 2048 samples");
     group.throughput(Throughput::Elements(LEN as u64));
     let code = signal::of(Sv::all_gps().nth(6).expect("G07")).code();
-    let table = chip_table(&code);
+    let code: Vec<f32> = code.iter().map(|&chip| f32::from(chip)).collect();
+    let table = ChipTable::new(&code, 1024);
     let mut chips = vec![0.0; LEN];
     group.bench_function("spread", |b| {
-        b.iter(|| spread(&table, black_box(17.3), black_box(0.393), &mut chips));
+        b.iter(|| table.spread(black_box(17.3), black_box(0.393), &mut chips));
     });
     let (mut re, mut im) = (vec![0.0; LEN], vec![0.0; LEN]);
     let one = Complex64::ONE;

@@ -11,7 +11,7 @@ use super::values;
 use super::variance::{Bursts, VarianceSource};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::atmosphere::{Klobuchar, Troposphere};
-use crate::gnss::{GpsTime, Sv};
+use crate::gnss::{Constellation, GpsTime, Sv};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,15 @@ pub struct Scenario {
     pub seed: u64,
     /// Where the orbits come from.
     pub orbits: Orbits,
-    /// Satellites to simulate; absent: all GPS satellites above the elevation mask at the start.
+    /// Systems to simulate, by their letters in RINEX: G, E, J; absent: GPS of a navigation file, all of Walker patterns.
+    #[serde(
+        default,
+        deserialize_with = "values::systems",
+        serialize_with = "values::print_systems",
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub systems: Option<Vec<Constellation>>,
+    /// Satellites to simulate; absent: all of these systems above the elevation mask at the start.
     #[serde(default)]
     pub satellites: Option<Vec<Sv>>,
     /// Elevation mask, degrees.
@@ -76,6 +84,8 @@ pub enum Orbits {
     NavigationFile(PathBuf),
     /// A synthetic constellation.
     Walker(Walker),
+    /// Several, of one system each.
+    Walkers(Vec<Walker>),
 }
 
 /// Carrier-to-noise densities: carrier power over the density of the background noise.

@@ -4,7 +4,7 @@
 use super::values;
 use crate::gnss::constants::{GPS_PI, OMEGA_EARTH};
 use crate::gnss::coordinates::azimuth_elevation;
-use crate::gnss::{Ephemeris, GpsTime, Sv};
+use crate::gnss::{Constellation, Ephemeris, GpsTime, Sv};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,16 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Walker {
     /// `T/P/F`, such as `24/6/1`. Up to 32 satellites become G01, G02, ... plane by plane; of more, as in low
-    /// orbits, the 32 of the highest elevation at the receiver at the start, the highest first.
+    /// orbits, the 32 of the highest elevation at the receiver at the start, the highest first. (Of another system as
+    /// many as it has numbers.)
     pub pattern: Pattern,
+    /// The system whose satellites they are, by its letter in RINEX: G, E or J.
+    #[serde(
+        default = "gps",
+        deserialize_with = "values::one_system",
+        serialize_with = "values::print_system"
+    )]
+    pub system: Constellation,
     /// Inclination, degrees.
     #[serde(default = "gps_inclination", deserialize_with = "values::elevation")]
     pub inclination_deg: f64,
@@ -37,12 +45,13 @@ fn gps_inclination() -> f64 {
     55.0
 }
 
+fn gps() -> Constellation {
+    Constellation::Gps
+}
+
 fn gps_axis() -> f64 {
     26_560.0
 }
-
-/// PRNs of GPS.
-const NUMBERS: usize = 32;
 
 /// The numbers of a Walker pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,12 +97,13 @@ impl Walker {
     /// `start` and zero clock terms except relativity; `receiver_m` (ECEF) is where heights are compared.
     pub fn ephemerides(&self, start: GpsTime, receiver_m: &Vector3<f64>) -> Vec<Ephemeris> {
         let mut all = self.all(start);
-        if all.len() > NUMBERS {
+        let numbers = Sv::all(self.system).count();
+        if all.len() > numbers {
             let elevation =
                 |e: &Ephemeris| azimuth_elevation(receiver_m, &e.state(start).position_m).1;
             all.sort_by(|a, b| elevation(b).total_cmp(&elevation(a)));
         }
-        let numbered = all.into_iter().zip((1u8..).map_while(Sv::from_prn)).take(NUMBERS);
+        let numbered = all.into_iter().zip(Sv::all(self.system));
         numbered
             .map(|(e, sv)| Ephemeris { sv, iodc: u16::from(sv.prn()), iode: sv.prn(), ..e })
             .collect()
@@ -158,6 +168,7 @@ mod tests {
     fn a_walker_pattern_is_evenly_spaced_and_inclined_as_asked() {
         let walker = Walker {
             pattern: Pattern::try_from("24/6/1".to_owned()).unwrap(),
+            system: Constellation::Gps,
             inclination_deg: 55.0,
             semi_major_axis_km: 26_560.0,
             eccentricity: 0.0,

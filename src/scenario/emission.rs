@@ -1,11 +1,11 @@
 //! The signal of one satellite over a batch of segments: generated once, added to every channel.
 
 use super::Scenario;
-use super::kernel::{TABLE, mix_add, spread, spread_averaged};
-use super::sky::Emitter;
+use super::kernel::mix_add;
+use super::sent::MessageError;
+use super::sky::{Component, Emitter};
 use crate::gnss::antenna::{AntennaArray, direction};
 use crate::gnss::constants::SPEED_OF_LIGHT;
-use crate::gnss::message::lnav::LnavError;
 use nalgebra::{Unit, Vector3};
 use num_complex::Complex64;
 use std::ops::Range;
@@ -17,7 +17,8 @@ pub(super) const SEGMENTS: usize = 8;
 pub(super) struct Emission {
     chips: Vec<f32>,
     segments: Vec<Segment>,
-    signed: Box<[f32; TABLE]>,
+    /// Of one component of several.
+    of_one: Vec<f32>,
 }
 
 /// What is constant over a segment.
@@ -37,7 +38,7 @@ impl Emission {
         Self {
             chips: vec![0.0; batch * len],
             segments: vec![Segment::default(); batch],
-            signed: Box::new([0.0; TABLE]),
+            of_one: vec![0.0; len],
         }
     }
 
@@ -49,7 +50,7 @@ impl Emission {
         array: Option<&AntennaArray>,
         start: f64,
         segments: Range<usize>,
-    ) -> Result<(), LnavError> {
+    ) -> Result<(), MessageError> {
         let len = self.chips.len() / self.segments.len();
         let segment_s = len as f64 / scenario.front_end.rate_hz;
         let elevation = emitter.range.view().elevation;
@@ -57,10 +58,7 @@ impl Emission {
         let (period_s, code) = (signal.period_s(), signal.chips);
         let periods_per_s = (1.0 / period_s).round() as i64;
         let wavelength_m = emitter.transmission.wavelength_m();
-        let make = match signal.is_commensurate(scenario.front_end.rate_hz) {
-            true => spread_averaged,
-            false => spread,
-        };
+        let averaged = signal.is_commensurate(scenario.front_end.rate_hz);
         for ((k, chips), segment) in
             segments.zip(self.chips.chunks_exact_mut(len)).zip(&mut self.segments)
         {
@@ -76,18 +74,26 @@ impl Emission {
             let (seconds, fraction) = sent.parts();
             let periods = fraction / period_s;
             let period = seconds * periods_per_s + periods.floor() as i64;
-            let chip = periods.fract() * code as f64;
+            let at = periods.fract();
             let flown = (end.code_m - begin.code_m) / SPEED_OF_LIGHT;
             let chip_step = (segment_s - flown) * signal.chip_rate_hz / len as f64;
-            let first = emitter.message.sign(period)?;
-            let second = emitter.message.sign(period + 1)?;
-            if first == second {
-                make(&emitter.chips, chip, chip_step, chips);
-            } else {
-                // A symbol edge: the second period, and what is beyond, with the other sign.
-                self.signed.copy_from_slice(&emitter.chips[..]);
-                self.signed[code..].iter_mut().for_each(|c| *c = -*c);
-                make(&self.signed, chip, chip_step, chips);
+            let mut first = 1.0;
+            let phase_step = chip_step / code as f64;
+            match &mut emitter.components[..] {
+                [only] => first = only.spread(period, (at, phase_step), averaged, chips)?,
+                all => {
+                    chips.fill(0.0);
+                    for component in all {
+                        let sign = component.spread(
+                            period,
+                            (at, phase_step),
+                            averaged,
+                            &mut self.of_one,
+                        )?;
+                        let weight = sign * component.weight;
+                        chips.iter_mut().zip(&self.of_one).for_each(|(sum, c)| *sum += weight * c);
+                    }
+                }
             }
 
             // Carrier: minus the range in cycles.
@@ -109,6 +115,33 @@ impl Emission {
         let response = segment.response.get(channel).copied().unwrap_or(Complex64::ONE);
         let chips = &self.chips[k * len..(k + 1) * len];
         mix_add(chips, segment.phasor * response, segment.cycles, re, im);
+    }
+}
+
+impl Component {
+    /// Writes the samples of a segment that starts at the fraction `at` of code period `period` and advances by `step`
+    /// of one a sample, but for the sign of that period, which it gives.
+    fn spread(
+        &mut self,
+        period: i64,
+        (at, step): (f64, f64),
+        averaged: bool,
+        chips: &mut [f32],
+    ) -> Result<f32, MessageError> {
+        let (first, second) = (self.sent.sign(period)?, self.sent.sign(period + 1)?);
+        let table = if first == second {
+            &self.table
+        } else {
+            // A symbol edge: the second period, and what is beyond, with the other sign.
+            self.signed.set_signed(&self.table, self.entries);
+            &self.signed
+        };
+        let (start, step) = (at * self.entries as f64, step * self.entries as f64);
+        match averaged {
+            true => table.spread_averaged(start, step, chips),
+            false => table.spread(start, step, chips),
+        }
+        Ok(first)
     }
 }
 

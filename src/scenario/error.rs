@@ -1,6 +1,6 @@
 //! Why a scenario cannot be simulated.
 
-use crate::gnss::message::lnav::LnavError;
+use super::sent::MessageError;
 use crate::gnss::{GpsTime, Sv};
 use std::path::PathBuf;
 
@@ -104,6 +104,12 @@ pub enum ScenarioError {
         /// The satellite.
         sv: Sv,
         /// Which value.
-        source: LnavError,
+        source: MessageError,
+    },
+    /// A satellite whose message cannot be made.
+    #[error("the message of {sv} cannot be made: simulate satellites of G, J and E")]
+    NoMessage {
+        /// The satellite.
+        sv: Sv,
     },
 }

@@ -7,56 +7,78 @@
 use multiversion::multiversion;
 use num_complex::Complex64;
 
-/// Entries of a chip table: two periods of a code of up to 1024 chips, so that a segment of one period that starts
-/// anywhere in the first needs no wrap.
-pub const TABLE: usize = 2048;
-/// Fraction bits of the code phase: 11 integer bits index the table, so a step of 2^-53 chips is kept.
-const FRACTION_BITS: u32 = 53;
 /// Samples whose phasors advance side by side.
 const LANES: usize = 16;
 
-/// A chip table of a code (+1, -1), repeated.
-pub fn chip_table(code: &[i8]) -> Box<[f32; TABLE]> {
-    Box::new(std::array::from_fn(|i| f32::from(code[i % code.len()])))
+/// One period of a code, and as much of the next as a segment may need that starts anywhere in the first: a power of two
+/// of entries, whose index is the integer part of a code phase of 64 bits.
+#[derive(Clone, Debug)]
+pub struct ChipTable {
+    values: Box<[f32]>,
+    /// Bits of the fraction of a code phase.
+    fraction_bits: u32,
 }
 
-/// Writes into `chips` the table's value at code phase `start` + k `step` (chips, `start` in the first period,
-/// `step` >= 0, the last below [`TABLE`]) for each sample k: one multiply, shift and look-up
-/// per sample.
-pub fn spread(table: &[f32; TABLE], start: f64, step: f64, chips: &mut [f32]) {
-    let scale = (1u64 << FRACTION_BITS) as f64;
-    spread_fixed(table, (start * scale) as u64, (step * scale) as u64, chips);
+impl ChipTable {
+    /// Of the values of one period, for segments of up to so many of them.
+    pub fn new(period: &[f32], segment: usize) -> Self {
+        let len = (period.len() + segment).next_power_of_two();
+        let values = (0..len).map(|i| period[i % period.len()]).collect();
+        Self { values, fraction_bits: 64 - len.ilog2() }
+    }
+
+    /// Becomes `other` with the values from `from` on of the other sign.
+    pub fn set_signed(&mut self, other: &Self, from: usize) {
+        self.values.copy_from_slice(&other.values);
+        self.values[from..].iter_mut().for_each(|v| *v = -*v);
+    }
+
+    /// Writes into `chips` the value at code phase `start` + k `step` (entries, `start` in the first period, `step` >=
+    /// 0, the last in the table) for each sample k: one multiply, shift and look-up per sample.
+    pub fn spread(&self, start: f64, step: f64, chips: &mut [f32]) {
+        let scale = (1u64 << self.fraction_bits) as f64;
+        let (start, step) = ((start * scale) as u64, (step * scale) as u64);
+        spread_fixed(&self.values, self.fraction_bits, start, step, chips);
+    }
+
+    /// The same, but each sample is the mean of the code over the time from half a sample before to half a sample after it,
+    /// as behind a filter before the sampling: at rates commensurate with the chips, where chips sampled as they are would
+    /// look alike for all delays within a sample. Costs the signal `2/3 x 1/2` of its power in samples with a chip edge
+    /// (0.4 dB at four samples a chip).
+    pub fn spread_averaged(&self, start: f64, step: f64, chips: &mut [f32]) {
+        let scale = (1u64 << self.fraction_bits) as f64;
+        let (start, step) = ((start * scale) as u64, (step * scale) as u64);
+        spread_averaged_fixed(&self.values, self.fraction_bits, start, step, chips);
+    }
 }
 
 #[multiversion(targets("x86_64+avx2+bmi2", "aarch64+neon"))]
-fn spread_fixed(table: &[f32; TABLE], start: u64, step: u64, chips: &mut [f32]) {
+fn spread_fixed(table: &[f32], fraction_bits: u32, start: u64, step: u64, chips: &mut [f32]) {
+    let mask = table.len() - 1;
     let mut phase = start;
     for chip in chips {
-        *chip = table[(phase >> FRACTION_BITS) as usize];
+        *chip = table[(phase >> fraction_bits) as usize & mask];
         phase = phase.wrapping_add(step);
     }
 }
 
-/// The same, but each sample is the mean of the code over the time from half a sample before to half a sample after it,
-/// as behind a filter before the sampling: at rates commensurate with the chips, where chips sampled as they are would
-/// look alike for all delays within a sample. Costs the signal `2/3 x 1/2` of its power in samples with a chip edge
-/// (0.4 dB at four samples a chip).
-pub fn spread_averaged(table: &[f32; TABLE], start: f64, step: f64, chips: &mut [f32]) {
-    let scale = (1u64 << FRACTION_BITS) as f64;
-    spread_averaged_fixed(table, (start * scale) as u64, (step * scale) as u64, chips);
-}
-
 #[multiversion(targets("x86_64+avx2+bmi2", "aarch64+neon"))]
-fn spread_averaged_fixed(table: &[f32; TABLE], start: u64, step: u64, chips: &mut [f32]) {
-    const FRACTION: u64 = (1 << FRACTION_BITS) - 1;
+fn spread_averaged_fixed(
+    table: &[f32],
+    fraction_bits: u32,
+    start: u64,
+    step: u64,
+    chips: &mut [f32],
+) {
+    let fraction: u64 = (1 << fraction_bits) - 1;
     let (half, per_sample) = (step / 2, 1.0 / step as f32);
     // Before the first sample of a code the first chip stands for the last one.
     let mut begin = start.saturating_sub(half);
     for k in 0..chips.len() as u64 {
         let end = start.saturating_add(k * step + half);
-        let (first, last) = ((begin >> FRACTION_BITS) as usize, (end >> FRACTION_BITS) as usize);
+        let (first, last) = ((begin >> fraction_bits) as usize, (end >> fraction_bits) as usize);
         // At most one edge lies between, as samples are shorter than chips.
-        let after = if first == last { 1.0 } else { (end & FRACTION) as f32 * per_sample };
+        let after = if first == last { 1.0 } else { (end & fraction) as f32 * per_sample };
         chips[k as usize] = table[first] + (table[last] - table[first]) * after;
         begin = end;
     }
@@ -135,7 +157,8 @@ mod tests {
     #[test]
     fn kernels_agree_with_their_scalar_versions() {
         let code = signal::of(Sv::from_prn(7).unwrap()).code();
-        let table = chip_table(&code);
+        let values: Vec<f32> = code.iter().map(|&chip| f32::from(chip)).collect();
+        let table = ChipTable::new(&values, 1024);
         for (start, step, cycles, len) in [
             (0.0, 0.39346, 1.7e-3, 2048),
             (1022.999, 0.4999, -0.31, 2047),
@@ -143,7 +166,7 @@ mod tests {
             (17.0, 1.0, 0.5, 15),
         ] {
             let mut chips = vec![0.0; len];
-            spread(&table, start, step, &mut chips);
+            table.spread(start, step, &mut chips);
             let (mut re, mut im) = (vec![0.25f32; len], vec![-0.5f32; len]);
             let first = Complex64::from_polar(0.7, 1.1);
             mix_add(&chips, first, cycles, &mut re, &mut im);

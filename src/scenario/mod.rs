@@ -26,6 +26,7 @@ pub mod pseudorange;
 pub mod quantiser;
 mod raw_writer;
 pub mod receiver;
+mod sent;
 mod sky;
 mod source;
 mod truth;

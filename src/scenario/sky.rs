@@ -1,19 +1,23 @@
 //! The satellites of a scenario in view.
 
 use super::config::{Ionosphere, Orbits};
-use super::kernel::{TABLE, chip_table};
-use super::message::{ConstellationMessage, MessageStream};
+use super::constellation::Walker;
+use super::kernel::ChipTable;
+use super::message::ConstellationMessage;
 use super::pseudorange::{PseudorangeTable, SignalPath};
 use super::receiver::Trajectory;
+use super::sent::{MessageError, Sent, default_utc};
 use super::{Scenario, ScenarioError};
 use crate::gnss::format::rinex_nav;
 use crate::gnss::message::lnav::IonosphereUtc;
-use crate::gnss::navigation_data::UtcParameters;
 use crate::gnss::{Constellation, Ephemeris, NavigationData, Sv, Transmission, signal};
 use nalgebra::{Unit, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
+
+/// Rate from which the lobes of BOC(6,1), whose sidelobes end at 8.2 MHz either side, are in the band, Hz.
+const WIDE_HZ: f64 = 16e6;
 
 /// One satellite that is simulated.
 pub(super) struct Emitter {
@@ -21,14 +25,57 @@ pub(super) struct Emitter {
     pub transmission: Transmission,
     /// Its pseudorange.
     pub range: PseudorangeTable,
-    /// Its code.
-    pub chips: Box<[f32; TABLE]>,
-    /// Its message.
-    pub message: MessageStream,
+    /// Its components, all on one carrier phase or its opposite.
+    pub components: Vec<Component>,
     /// Carrier phase at zero range, cycles.
     pub phase: f64,
     /// The spoofer that sends its signal: direction (east, north, up) and start, s.
     pub spoofer: Option<(Unit<Vector3<f64>>, f64)>,
+}
+
+/// A component of a signal: data or pilot.
+pub(super) struct Component {
+    /// One code period with its subcarrier, and room for the same with a sign that changes at its end.
+    pub table: ChipTable,
+    pub signed: ChipTable,
+    /// Entries of the table in a code period.
+    pub entries: usize,
+    /// Amplitude, as a part of the signal's.
+    pub weight: f32,
+    pub sent: Sent,
+}
+
+impl Component {
+    /// A component for segments of up to `segment_s` at `rate_hz`; none where its message cannot be made.
+    fn new(
+        component: Transmission,
+        (segment_s, rate_hz): (f64, f64),
+        sent: Option<Sent>,
+    ) -> Option<Self> {
+        let signal = component.signal;
+        // A band that does not hold the lobes of BOC(6,1) does not hold their power either.
+        let wide = rate_hz >= WIDE_HZ;
+        let modulation = if wide { signal.modulation } else { signal.modulation.narrowband() };
+        let power = if wide { 1.0 } else { signal.modulation.narrowband_power() };
+        let pieces = modulation.pieces();
+        let code = component.code();
+        let chip = |(chip, &value): (usize, &i8)| {
+            (0..pieces).map(move |p| (modulation.amplitude(chip, p) * f64::from(value)) as f32)
+        };
+        let period: Vec<f32> = code.iter().enumerate().flat_map(chip).collect();
+        // A hundredth for the Doppler of the code.
+        let segment = segment_s * signal.chip_rate_hz * pieces as f64 * 1.01;
+        let table = ChipTable::new(&period, segment.ceil() as usize);
+        let turn = std::f64::consts::TAU * signal.phase_cycles;
+        let weight = (signal.power_fraction * power).sqrt() * turn.cos();
+        Some(Self {
+            signed: table.clone(),
+            table,
+            entries: period.len(),
+            weight: weight as f32,
+            sent: sent?,
+        })
+    }
 }
 
 impl Emitter {
@@ -47,23 +94,36 @@ impl Scenario {
     pub fn navigation(&self) -> Result<NavigationData, ScenarioError> {
         let mut data = match &self.orbits {
             Orbits::NavigationFile(path) => rinex_nav::read(path)?.data,
-            Orbits::Walker(walker) => {
-                let mut data = NavigationData::default();
-                let here = self.receiver.position.ecef();
-                walker.ephemerides(self.start, &here).into_iter().for_each(|e| data.insert(e));
-                data
-            }
+            Orbits::Walker(walker) => self.synthetic(std::slice::from_ref(walker)),
+            Orbits::Walkers(walkers) => self.synthetic(walkers),
         };
         data.ionosphere = self.atmosphere.klobuchar.or(data.ionosphere);
         Ok(data)
     }
 
+    fn synthetic(&self, walkers: &[Walker]) -> NavigationData {
+        let mut data = NavigationData::default();
+        let here = self.receiver.position.ecef();
+        let all = walkers.iter().flat_map(|walker| walker.ephemerides(self.start, &here));
+        all.for_each(|ephemeris| data.insert(ephemeris));
+        data
+    }
+
+    /// Whether satellites of a system are simulated where no list names them.
+    fn sends(&self, system: Constellation) -> bool {
+        match (&self.systems, &self.orbits) {
+            (Some(systems), _) => systems.contains(&system),
+            (None, Orbits::NavigationFile(_)) => system == Constellation::Gps,
+            (None, _) => true,
+        }
+    }
+
     /// Ephemerides of the satellites to simulate, all valid at the start.
     fn chosen(&self, data: &NavigationData) -> Result<Vec<Ephemeris>, ScenarioError> {
         let Some(list) = &self.satellites else {
-            let gps = data.satellites().filter(|sv| sv.constellation() == Constellation::Gps);
+            let sending = data.satellites().filter(|sv| self.sends(sv.constellation()));
             let valid: Vec<Ephemeris> =
-                gps.filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
+                sending.filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
             // A file of another day: reported for the first satellite.
             return match (valid.is_empty(), data.satellites().next()) {
                 (true, Some(sv)) => self.ephemeris(data, sv).map(|e| vec![e]),
@@ -93,7 +153,11 @@ impl Scenario {
     }
 
     /// The satellites in view, with pseudorange knots every `knot_s` seconds.
-    pub(super) fn emitters(&self, knot_s: f64) -> Result<Vec<Emitter>, ScenarioError> {
+    pub(super) fn emitters(
+        &self,
+        knot_s: f64,
+        segment_s: f64,
+    ) -> Result<Vec<Emitter>, ScenarioError> {
         let data = self.navigation()?;
         let ionosphere = match self.atmosphere.ionosphere {
             Ionosphere::None => None,
@@ -101,6 +165,8 @@ impl Scenario {
         };
         let trajectory = Trajectory::new(&self.receiver, self.start);
         let constellation = Arc::new(self.broadcast(&data));
+        let utc = data.utc.unwrap_or(default_utc(self.start));
+        let sampling = (segment_s, self.front_end.rate_hz);
         let spoofer = self.spoofer.as_ref().map(|s| {
             let towards = s.direction.towards(self.array.as_ref())?;
             Ok((towards, s.start_s))
@@ -123,12 +189,19 @@ impl Scenario {
             let transmission = signal::of(sv);
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
             rng.set_stream(3 << 32 | u64::from(sv.prn()));
+            let message = |source| ScenarioError::Message { sv, source };
+            let components = [transmission].into_iter().chain(transmission.partner());
+            let made = |component| -> Result<Option<Component>, MessageError> {
+                let sent = Sent::new(component, &ephemeris, &constellation, utc)?;
+                Ok(Component::new(component, sampling, sent))
+            };
+            let components: Option<Vec<Component>> =
+                components.map(made).collect::<Result<_, _>>().map_err(message)?;
+            let components = components.ok_or(ScenarioError::NoMessage { sv })?;
             emitters.push(Emitter {
                 transmission,
+                components,
                 range: PseudorangeTable::new(path, knot_s),
-                chips: chip_table(&transmission.code()),
-                message: MessageStream::new(ephemeris, Arc::clone(&constellation))
-                    .map_err(|source| ScenarioError::Message { sv, source })?,
                 phase: f64::from(rng.next_u32()) / 2f64.powi(32),
                 spoofer: spoofer.filter(|_| is_spoofed(sv)),
             });
@@ -149,17 +222,7 @@ impl Scenario {
 
     /// Contents of subframes 4 and 5: almanacs from the valid ephemerides, and page 18.
     fn broadcast(&self, data: &NavigationData) -> ConstellationMessage {
-        let leap = self.start.leap_seconds();
-        // Without UTC parameters in the file: GPS minus UTC is the leap seconds, and no change is due.
-        let utc = data.utc.unwrap_or(UtcParameters {
-            a0: 0.0,
-            a1: 0.0,
-            tot: crate::gnss::GpsTime::from_week_tow(self.start.week(), 0.0),
-            delta_t_ls: leap,
-            delta_t_lsf: leap,
-            wn_lsf: self.start.week(),
-            day: 1,
-        });
+        let utc = data.utc.unwrap_or(default_utc(self.start));
         let page = data.ionosphere.map(|klobuchar| IonosphereUtc::new(klobuchar, &utc));
         let gps = data.satellites().filter(|sv| sv.constellation() == Constellation::Gps);
         let in_force = gps.filter_map(|sv| data.ephemeris(sv, self.start));

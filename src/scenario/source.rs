@@ -3,6 +3,7 @@
 use super::element::Element;
 use super::emission::{Emission, SEGMENTS, amplitude};
 use super::jammer::{Interference, JammerSettings};
+use super::sent::{MessageError, Sent};
 use super::sky::Emitter;
 use super::{FrontEnd, Scenario, ScenarioError, StandardFrontEnd};
 use crate::capture::{Block, SampleSource, SourceError, StreamInfo};
@@ -68,7 +69,7 @@ impl ScenarioSource {
         let rate = scenario.front_end.rate_hz;
         let segment = 1usize << (rate * shortest_period_s()).log2().floor() as u32;
         let frame = SEGMENTS * segment;
-        let emitters = scenario.emitters(frame as f64 / rate)?;
+        let emitters = scenario.emitters(frame as f64 / rate, segment as f64 / rate)?;
         let array = scenario.array.as_ref().map(ArrayDescription::real_in_enu);
         let channels = array.as_ref().map_or(1, AntennaArray::len);
         let jammer = |(k, jammer): (usize, &JammerSettings)| {
@@ -134,12 +135,18 @@ impl ScenarioSource {
     }
 
     /// The words of the subframe that a satellite starts to send `index` x 6 s after the GPS epoch, if it is
-    /// simulated.
+    /// simulated and sends LNAV.
     ///
     /// # Errors
     /// When a value of its ephemeris does not fit.
     pub fn subframe(&self, sv: Sv, index: i64) -> Option<Result<[u32; 10], LnavError>> {
-        self.emitters.iter().find(|e| e.transmission.sv == sv).map(|e| e.message.subframe(index))
+        let of_satellite = self.emitters.iter().filter(|e| e.transmission.sv == sv);
+        let sent = of_satellite.flat_map(|e| &e.components).map(|component| &component.sent);
+        let lnav = |sent: &Sent| match sent {
+            Sent::Lnav(message) => Some(message.subframe(index)),
+            _ => None,
+        };
+        sent.filter_map(lnav).next()
     }
 
     pub(super) fn emitters(&self) -> &[Emitter] {
@@ -150,7 +157,7 @@ impl ScenarioSource {
         &self.jamming
     }
 
-    fn skip(&mut self, mut samples: usize) -> Result<(), (Sv, LnavError)> {
+    fn skip(&mut self, mut samples: usize) -> Result<(), (Sv, MessageError)> {
         while samples > 0 {
             let run = self.available()?.min(samples);
             self.taken += run;
@@ -160,7 +167,7 @@ impl ScenarioSource {
     }
 
     /// Samples not yet read; generates the next frame when there are none.
-    fn available(&mut self) -> Result<usize, (Sv, LnavError)> {
+    fn available(&mut self) -> Result<usize, (Sv, MessageError)> {
         if self.taken == self.ready[0].len() {
             self.make_frame()?;
             self.front_end.process_all(&mut self.ready);
@@ -171,7 +178,7 @@ impl ScenarioSource {
     }
 
     /// Makes the antenna samples of the next frame.
-    fn make_frame(&mut self) -> Result<(), (Sv, LnavError)> {
+    fn make_frame(&mut self) -> Result<(), (Sv, MessageError)> {
         let Self { emitters, emissions, jamming, elements, ready, scenario, array, .. } = self;
         let frame = SEGMENTS * self.segment;
         let start = self.next_frame as f64 * frame as f64 / self.info.rate_hz;

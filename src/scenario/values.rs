@@ -1,8 +1,8 @@
 //! Checks of single values while a scenario is read, so that the message shows line and column.
 
-use crate::gnss::GpsTime;
 use crate::gnss::checked::number;
 pub(crate) use crate::gnss::checked::{finite, positive, some_positive};
+use crate::gnss::{Constellation, GpsTime};
 use serde::de::{Deserialize, Deserializer, Error};
 use serde::ser::Serializer;
 
@@ -64,6 +64,41 @@ pub fn bits<'de, D: Deserializer<'de>>(d: D) -> Result<Option<u32>, D::Error> {
 /// A time as text: UTC in ISO 8601, or GPS `week:tow`.
 pub fn time<'de, D: Deserializer<'de>>(d: D) -> Result<GpsTime, D::Error> {
     String::deserialize(d)?.parse().map_err(D::Error::custom)
+}
+
+/// The system of this letter in RINEX, of those whose signals are simulated.
+pub fn system(letter: &str) -> Result<Constellation, String> {
+    let simulated = [Constellation::Gps, Constellation::Qzss, Constellation::Galileo];
+    let named = |system: &Constellation| letter.chars().eq([system.letter()]);
+    simulated
+        .into_iter()
+        .find(named)
+        .ok_or(format!("'{letter}' is no system that can be simulated: write G, J or E"))
+}
+
+/// Systems as a list of letters.
+pub fn systems<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Vec<Constellation>>, D::Error> {
+    let letters = Vec::<String>::deserialize(d)?;
+    let systems = letters.iter().map(|letter| system(letter)).collect::<Result<_, _>>();
+    systems.map(Some).map_err(D::Error::custom)
+}
+
+/// Prints systems as a list of letters.
+pub fn print_systems<S: Serializer>(
+    systems: &Option<Vec<Constellation>>,
+    s: S,
+) -> Result<S::Ok, S::Error> {
+    s.collect_seq(systems.iter().flatten().map(|system| system.letter()))
+}
+
+/// One system as its letter.
+pub fn one_system<'de, D: Deserializer<'de>>(d: D) -> Result<Constellation, D::Error> {
+    system(&String::deserialize(d)?).map_err(D::Error::custom)
+}
+
+/// Prints one system as its letter.
+pub fn print_system<S: Serializer>(system: &Constellation, s: S) -> Result<S::Ok, S::Error> {
+    s.collect_str(&system.letter())
 }
 
 /// Prints a time as GPS `week:tow`.

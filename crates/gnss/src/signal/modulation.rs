@@ -67,6 +67,15 @@ impl Modulation {
         }
     }
 
+    /// Power of the signal in the [`narrowband`](Self::narrowband) subcarrier, as a part of all.
+    pub fn narrowband_power(self) -> f64 {
+        match self {
+            Self::Bpsk | Self::Boc { .. } => 1.0,
+            Self::Cboc { .. } => 10.0 / 11.0,
+            Self::Tmboc | Self::Qmboc => 29.0 / 33.0,
+        }
+    }
+
     /// Decrease of the autocorrelation by a chip of delay, near its peak, of the [`narrowband`](Self::narrowband)
     /// subcarrier: 1 of BPSK, 3 of BOC(1,1).
     pub fn slope(self) -> f64 {
