@@ -13,7 +13,7 @@ use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::navigation_data::UtcParameters;
 use sdr_rx::gnss::satellite::parse_sv_list;
 use sdr_rx::gnss::signal::GPS_L1_CA;
-use sdr_rx::gnss::{Sv, signal};
+use sdr_rx::gnss::{Constellation, Sv, signal};
 use sdr_rx::position::{Observable, PositioningOptions, Solver};
 use sdr_rx::receiver::ReceiverOptions;
 use std::path::PathBuf;
@@ -24,9 +24,10 @@ pub struct Receive {
     /// The capture.
     #[command(flatten)]
     pub input: Input,
-    /// Satellites to search, such as G01-G32,J193-J199
-    #[arg(long, value_name = "LIST", default_value = "G01-G32", value_parser = satellites, help_heading = "Search")]
-    pub prn: Satellites,
+    /// Satellites to search, such as G01-G32,J193-J199, or all of a system, such as G,E
+    /// [default: G, and of one antenna E where the rate leaves 4 MHz, the band of its signal]
+    #[arg(long, value_name = "LIST", value_parser = satellites, help_heading = "Search")]
+    pub prn: Option<Satellites>,
     /// Maximum Doppler, Hz, of either sign: satellites make 5k, the oscillator's error adds to it
     #[arg(long, value_name = "HZ", default_value = "5k", value_parser = si_number, help_heading = "Search")]
     pub doppler_max: f64,
@@ -220,10 +221,18 @@ impl Receive {
     pub fn options(&self, info: &StreamInfo) -> anyhow::Result<ReceiverOptions> {
         self.check(info.rate_hz)?;
         let automatic = ((info.rate_hz / ENOUGH_RATE_HZ) as usize).max(1);
+        let decimation = self.decimate.unwrap_or(automatic);
+        let holds_galileo = info.rate_hz / decimation as f64 >= ENOUGH_RATE_HZ;
+        let galileo =
+            Sv::all(Constellation::Galileo).filter(|_| holds_galileo && info.channels == 1);
+        let satellites = match &self.prn {
+            Some(asked) => asked.0.clone(),
+            None => Sv::all_gps().chain(galileo).collect(),
+        };
         let low_orbit_rate = if self.doppler_max.abs() > 10e3 { 600.0 } else { 0.0 };
         Ok(ReceiverOptions {
             search: SearchOptions {
-                satellites: self.prn.0.iter().copied().map(signal::of).collect(),
+                satellites: satellites.into_iter().map(signal::of).collect(),
                 doppler_hz: (-self.doppler_max.abs(), self.doppler_max.abs()),
                 doppler_rate_hz_s: self.doppler_rate_max.unwrap_or(low_orbit_rate).abs(),
                 coherent_ms: self.search_ms,
@@ -238,7 +247,7 @@ impl Receive {
             },
             beams: self.beam.into(),
             suppression: self.suppress,
-            decimation: self.decimate.unwrap_or(automatic),
+            decimation,
             ..ReceiverOptions::default()
         })
     }

@@ -121,10 +121,19 @@ pub(super) fn search(
         }
         _ => Vec::new(),
     };
-    let mut found = Vec::new();
-    for group in options.by_code() {
-        let plan = SearchPlan::new(rate_hz, group)?.with_beams(&fan);
-        found.extend(plan.search_channels(&channels, known)?);
+    let (mut found, mut refused, groups) = (Vec::new(), Vec::new(), options.by_code());
+    for group in &groups {
+        let plan = SearchPlan::new(rate_hz, group.clone())?.with_beams(&fan);
+        match plan.search_channels(&channels, known) {
+            Ok(more) => found.extend(more),
+            Err(error) => refused.push(error),
+        }
+    }
+    // What is too short for some codes may do for others.
+    if refused.len() == groups.len()
+        && let Some(error) = refused.pop()
+    {
+        return Err(error);
     }
     found.sort_by(|a, b| b.cn0_dbhz.total_cmp(&a.cn0_dbhz));
     Ok(found)

@@ -108,7 +108,7 @@ impl fmt::Display for Sv {
 /// Why a text names no satellite.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error(
-    "'{0}' names no satellite: G01-G32, E01-E36, J01-J10 (or J193-J202), S20-S58 (or S120-S158), or a bare PRN number"
+    "'{0}' names no satellite: G01-G32, E01-E36, J01-J10 (or J193-J202), S20-S58 (or S120-S158), a bare PRN number, or a system's letter for all"
 )]
 pub struct ParseSvError(String);
 
@@ -134,12 +134,16 @@ impl FromStr for Sv {
     }
 }
 
-/// A list of satellites to be received, such as `G01-G32,E01-E36` or `1-32,193`, in the order written, each satellite
-/// once; of the systems whose signals the receiver can search.
+/// A list of satellites to be received, such as `G01-G32,E01-E36` or `1-32,193`, or of whole systems, such as `G,E`, in
+/// the order written, each satellite once; of the systems whose signals the receiver can search.
 pub fn parse_sv_list(text: &str) -> Result<Vec<Sv>, ParseSvError> {
     let mut list: Vec<Sv> = Vec::new();
     for item in text.split(',').map(str::trim) {
+        let named = |c: &Constellation| item.to_ascii_uppercase().chars().eq([c.letter()]);
+        let system = Constellation::RECEIVED.into_iter().find(named);
+        let ends = system.and_then(|c| Some((Sv::all(c).next()?, Sv::all(c).last()?)));
         let (first, last) = match item.split_once('-') {
+            _ if ends.is_some() => ends.ok_or(ParseSvError(item.to_owned()))?,
             Some((a, b)) => (a.parse::<Sv>()?, b.parse::<Sv>()?),
             None => (item.parse::<Sv>()?, item.parse::<Sv>()?),
         };
@@ -196,6 +200,7 @@ mod tests {
         }
         assert_eq!(parse_sv_list("G01-G32,J193-J199").unwrap().len(), 39);
         assert_eq!(parse_sv_list("1-32,193").unwrap().len(), 33);
+        assert_eq!(parse_sv_list("g,E,E07").unwrap().len(), 68);
         assert_eq!(parse_sv_list("E01-E05").unwrap().len(), 5);
         assert!(parse_sv_list("R01-R05").is_err(), "no stage receives them yet");
         assert!(parse_sv_list("G30-J01").is_err() && parse_sv_list("G05-G01").is_err());

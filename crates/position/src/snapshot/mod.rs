@@ -29,7 +29,7 @@ use nalgebra::{Vector3, Vector4};
 use sdr_rx_gnss::constants::{EARTH_RADIUS, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
-use sdr_rx_gnss::{GpsTime, NavigationData, Sv};
+use sdr_rx_gnss::{Constellation, GpsTime, NavigationData, Sv};
 use std::collections::BTreeSet;
 
 /// Unknowns of the code phases: position, bias and time.
@@ -183,10 +183,20 @@ fn sighting<'a>(
     nav: &'a NavigationData,
 ) -> Result<Sighting<'a>, DropReason> {
     match observation.range {
-        Some(CodeRange::ModuloCodePeriod(code_m)) => Sighting::new(observation, code_m, time, nav),
+        Some(CodeRange::ModuloCodePeriod(code_m)) => {
+            // One clock and one period for all: codes of more milliseconds start with a millisecond too.
+            let offset_m = SPEED_OF_LIGHT * system_offset_s(observation.sv(), time, nav);
+            Sighting::new(observation, (code_m + offset_m).rem_euclid(CODE_PERIOD_M), time, nav)
+        }
         Some(CodeRange::Pseudorange(_)) => Err(DropReason::WrongKindOfRange),
         None => Err(DropReason::NotANumber),
     }
+}
+
+/// By how much the time of a satellite's system is ahead of GPS time, s, as far as it is known: some nanoseconds.
+fn system_offset_s(sv: Sv, time: GpsTime, nav: &NavigationData) -> f64 {
+    let galileo = nav.galileo.gps_offset.filter(|_| sv.constellation() == Constellation::Galileo);
+    galileo.map_or(0.0, |offset| offset.at(time))
 }
 
 /// All ways to choose `count` (0 to 2) of `n`.
