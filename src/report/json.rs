@@ -93,6 +93,14 @@ struct FailedSolverRecord {
     cause: String,
 }
 
+/// By its letter in RINEX.
+#[derive(Clone, Debug, Serialize)]
+struct SystemOffsetRecord {
+    system: char,
+    offset_s: f64,
+    sigma_s: f64,
+}
+
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FixRecord {
     gps_week: i32,
@@ -111,6 +119,9 @@ pub(super) struct FixRecord {
     clock_bias_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     clock_drift_sps: Option<f64>,
+    /// Clocks of further systems against that of the first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    system_offsets: Vec<SystemOffsetRecord>,
     satellites: Vec<Sv>,
     method: FixMethod,
     /// The solver that led from the Earth's centre to where the full model started, and its iterations.
@@ -259,6 +270,13 @@ impl FixRecord {
             velocity_mps: fix.velocity_mps.map(Into::into),
             clock_bias_s: fix.clock_bias_s,
             clock_drift_sps: fix.clock_drift_sps,
+            system_offsets: (fix.system_offsets.iter())
+                .map(|o| SystemOffsetRecord {
+                    system: o.system.letter(),
+                    offset_s: o.offset_s,
+                    sigma_s: o.sigma_s,
+                })
+                .collect(),
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,
             solver: fix.start.solver,

@@ -3,6 +3,7 @@
 use super::{Accuracy, Input, Oscillators, Run, SatelliteInView, Summary, counted};
 use crate::acquisition::Acquisition;
 use crate::front_end::Interferer;
+use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::coordinates::Geodetic;
 use crate::position::{Doubt, Fix, Integrity};
 use std::f64::consts::FRAC_PI_2;
@@ -175,6 +176,18 @@ pub fn fix_table(run: &Run) -> String {
             s.pdop, last.hdop, last.vdop
         ),
     );
+    for offset in &last.system_offsets {
+        let metres = |s: f64| s * SPEED_OF_LIGHT;
+        line(
+            "systems",
+            format!(
+                "{:?} {:+.2} m (sigma {:.2}) against the first (last)",
+                offset.system,
+                metres(offset.offset_s),
+                metres(offset.sigma_s)
+            ),
+        );
+    }
     if let (Input::Samples(_), Some(clocks)) = (run.input, Oscillators::new(run.fixes)) {
         line(
             "oscillator",

@@ -125,6 +125,7 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         clock_bias_s: Some(0.0),
         clock_drift_sps: Some(0.0),
         covariance: Matrix3::identity(),
+        system_offsets: Vec::new(),
         clock_bias_sigma_s: Some(3e-9),
         pdop: 2.0,
         hdop: 1.2,

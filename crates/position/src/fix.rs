@@ -3,7 +3,7 @@
 use crate::error::Dropped;
 use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};
-use sdr_rx_gnss::{GpsTime, Sv};
+use sdr_rx_gnss::{Constellation, GpsTime, Sv};
 
 /// How the observations came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -74,6 +74,18 @@ impl ProtectionLevel {
             vertical_m: self.vertical_m + distance_m,
         }
     }
+}
+
+/// The bias of the receiver's clock by the ranges of a system, less that by those of the first system: the offset of the
+/// systems' times, first less other, and of the receiver's delays of their signals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SystemOffset {
+    /// The system.
+    pub system: Constellation,
+    /// Offset, s.
+    pub offset_s: f64,
+    /// Its standard deviation, s.
+    pub sigma_s: f64,
 }
 
 /// What a satellite contributed to a fix.
@@ -152,9 +164,12 @@ pub struct Fix {
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, ECEF, if Dopplers gave it.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// Receiver clock minus GPS time, s (against the epoch's nominal receive time); none where
+    /// Receiver clock minus GPS time, s, or minus the time of the first system in the order GPS, Galileo, BeiDou, GLONASS
+    /// of which ranges were used (against the epoch's nominal receive time); none where
     /// Dopplers alone were used.
     pub clock_bias_s: Option<f64>,
+    /// Clocks of further systems against that of the first, where ranges of both were used.
+    pub system_offsets: Vec<SystemOffset>,
     /// Rate of the receiver clock, s/s.
     pub clock_drift_sps: Option<f64>,
     /// Covariance of the position (east, north, up), m^2.

@@ -21,8 +21,9 @@
 //! deviations as they were.
 
 use super::predicted::Predicted;
-use super::sighting::{Sighting, clock_of};
+use super::sighting::{Sighting, clock_of, reference_clock, system_of};
 use crate::error::PositioningError;
+use crate::fix::SystemOffset;
 use crate::gauss_newton::{Damping, Minimum, Model, Step, Stopped, Verdict, Why, gauss_newton};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS, chi_square_limit};
 use crate::least_squares::{LeastSquares, LinearRow};
@@ -105,6 +106,8 @@ pub(crate) struct Adjustment<'a> {
     pub receive_time: GpsTime,
     pub nav: &'a NavigationData,
     pub options: &'a PositioningOptions,
+    /// The first of the clocks that its satellites have.
+    pub reference: usize,
 }
 
 /// A converged solution and what it was made of.
@@ -113,6 +116,9 @@ pub(crate) struct Adjusted<'a> {
     pub view: EpochView,
     pub state: Point<3>,
     pub time: GpsTime,
+    /// Bias of the receiver's clock against the first system, m.
+    pub clock_bias_m: f64,
+    pub system_offsets: Vec<SystemOffset>,
     /// Of the position, ECEF, m^2.
     pub covariance: Matrix3<f64>,
     /// Standard deviation of the clock's bias, m, where it was observed.
@@ -160,9 +166,15 @@ impl Observable {
 }
 
 impl<'a> Adjustment<'a> {
+    /// Clock term that places the epoch in time: the bias against the first of the systems. (Their times differ by
+    /// nanoseconds.)
+    pub fn bias_term(&self) -> usize {
+        2 * self.reference + BIAS
+    }
+
     /// GPS time of reception at a point.
     pub fn time(&self, at: &Point<3>) -> GpsTime {
-        self.receive_time - at.clocks[BIAS] / SPEED_OF_LIGHT
+        self.receive_time - at.clocks[self.bias_term()] / SPEED_OF_LIGHT
     }
 
     /// What would be seen of the satellites at a point.
@@ -251,15 +263,18 @@ impl<'a> Adjustment<'a> {
         if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
             return Err(PositioningError::ImplausibleRadius { radius_m });
         }
+        // A system may have lost all of its satellites since the start.
+        let own = Adjustment { reference: reference_clock(&used), ..*self };
         // Of the estimate with these weights, by the standard deviations as they were.
         let variances = view.weighted().map(|(row, _)| scales[row.kind as usize].powi(-2));
         let variances: Vec<f64> = variances.chain([1.0]).collect();
         let influences = system.influences().zip(&variances);
         let covariance: Matrix3<f64> = influences.map(|(g, v)| g * g.transpose() * *v).sum();
         let bias_sigma_m = self.options.observable.contains(RowKind::Range).then(|| {
-            let influences = system.clock_influences(BIAS).zip(&variances);
+            let influences = system.clock_influences(own.bias_term()).zip(&variances);
             influences.map(|(g, v)| g * g * v).sum::<f64>().sqrt()
         });
+        let system_offsets = own.system_offsets(&view, &state, &system, &variances);
         let rows = variances.len() - usize::from(self.options.height.is_none());
         let mut terms: Vec<usize> = view.rows.iter().map(|row| row.term).collect();
         terms.sort_unstable();
@@ -289,7 +304,9 @@ impl<'a> Adjustment<'a> {
         Ok(Adjusted {
             used,
             view,
-            time: self.time(&state),
+            time: own.time(&state),
+            clock_bias_m: state.clocks[own.bias_term()],
+            system_offsets,
             state,
             covariance,
             bias_sigma_m,
@@ -298,6 +315,31 @@ impl<'a> Adjustment<'a> {
             iterations,
             redundancy: rows.saturating_sub(3 + terms.len()),
         })
+    }
+}
+
+impl Adjustment<'_> {
+    /// Clocks of the systems of the rows against that of the first.
+    fn system_offsets(
+        &self,
+        view: &EpochView,
+        at: &Point<3>,
+        system: &LeastSquares<3, 4>,
+        variances: &[f64],
+    ) -> Vec<SystemOffset> {
+        let is_present = |clock: &usize| view.weighted().any(|(row, _)| row.term == 2 * clock);
+        let others = (self.reference + 1..at.clocks.len() / 2).filter(is_present);
+        let offset = |clock: usize| {
+            let (own, first) = (2 * clock + BIAS, self.bias_term());
+            let influences = system.clock_influences(own).zip(system.clock_influences(first));
+            let variance = influences.zip(variances).map(|((a, b), v)| (a - b).powi(2) * v);
+            Some(SystemOffset {
+                system: system_of(clock)?,
+                offset_s: (at.clocks[own] - at.clocks[first]) / SPEED_OF_LIGHT,
+                sigma_s: variance.sum::<f64>().sqrt() / SPEED_OF_LIGHT,
+            })
+        };
+        others.filter_map(offset).collect()
     }
 }
 

@@ -25,14 +25,14 @@ use crate::problem::RowKind;
 use crate::solver::Solver;
 use crate::solver::point_solution::Iteration;
 pub(crate) use adjustment::ITERATES_M;
-use adjustment::{Adjusted, Adjustment, BIAS, DRIFT, Measured};
+use adjustment::{Adjusted, Adjustment, DRIFT, Measured};
 use cold_start::{ColdStart, cold_start};
 use nalgebra::Vector3;
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
 use separation::{Answer, Hypotheses, Hypothesis, Set, subsets};
-use sighting::{Sighting, select};
+use sighting::{Sighting, reference_clock, select};
 use velocity::motion;
 
 /// Position, velocity, clock and what a person needs to trust them, from the full pseudoranges, Dopplers or
@@ -87,7 +87,8 @@ pub fn candidates<'a>(
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<Candidates<'a>, PositioningError> {
     let (sightings, dropped) = sightings(epoch, nav, options)?;
-    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
+    let reference = reference_clock(&sightings);
+    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options, reference };
     let mut cold_start = cold_start_of_most(&adjustment, &sightings, options.solver, trace)?;
     let mut hypotheses = hypotheses(adjustment, &sightings, &cold_start.state);
     let is_open = !hypotheses.agree() && options.solver != Solver::Best && options.takes_over;
@@ -383,9 +384,10 @@ fn fix(
         sample,
         position_m: point.state.x,
         velocity_mps: motion.map(|m| m.velocity_mps),
-        clock_bias_s: point.bias_sigma_m.map(|_| point.state.clocks[BIAS] / SPEED_OF_LIGHT),
+        clock_bias_s: point.bias_sigma_m.map(|_| point.clock_bias_m / SPEED_OF_LIGHT),
         clock_drift_sps: moving.map(|(_, drift)| drift / SPEED_OF_LIGHT),
         covariance: point.geometry.local(&point.covariance),
+        system_offsets: point.system_offsets.clone(),
         clock_bias_sigma_s: point.bias_sigma_m.map(|sigma_m| sigma_m / SPEED_OF_LIGHT),
         pdop: point.geometry.pdop,
         hdop: point.geometry.hdop,

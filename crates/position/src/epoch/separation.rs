@@ -21,7 +21,7 @@
 //! the full model adds to the geometry is a constant, which holds for 10 km. `1 + m + m (m - 1)/2` sets of `m`
 //! satellites take two or three linear systems each.
 
-use super::adjustment::{Adjustment, BIAS, ITERATES_M, Measured};
+use super::adjustment::{Adjustment, ITERATES_M, Measured};
 use super::sighting::Sighting;
 use crate::fix::ProtectionLevel;
 use crate::gauss_newton::{Damping, Model, Step, Verdict, gauss_newton};
@@ -69,6 +69,8 @@ struct FrozenRow {
 /// The rows of all satellites as predicted at a point.
 struct Anchor {
     at: Point<3>,
+    /// The clock term that places it in time.
+    bias_term: usize,
     rows: Vec<FrozenRow>,
 }
 
@@ -88,11 +90,14 @@ impl Anchor {
                 sigma: row.sigma(),
             }
         };
-        Self { at: at.clone(), rows: measured.map(freeze).collect() }
+        let bias_term = adjustment.bias_term();
+        Self { at: at.clone(), bias_term, rows: measured.map(freeze).collect() }
     }
 
     fn distance(&self, to: &Point<3>) -> f64 {
-        (self.at.x - to.x).norm().max((self.at.clocks[BIAS] - to.clocks[BIAS]).abs())
+        (self.at.x - to.x)
+            .norm()
+            .max((self.at.clocks[self.bias_term] - to.clocks[self.bias_term]).abs())
     }
 }
 

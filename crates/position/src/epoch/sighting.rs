@@ -65,6 +65,18 @@ pub(crate) fn clock_of(sv: Sv) -> usize {
     }
 }
 
+/// The first of the clocks that satellites have.
+pub(crate) fn reference_clock(set: &[Sighting]) -> usize {
+    set.iter().map(|s| clock_of(s.sv())).min().unwrap_or(0)
+}
+
+/// The system whose time a clock keeps.
+pub(crate) fn system_of(clock: usize) -> Option<Constellation> {
+    [Constellation::Gps, Constellation::Galileo, Constellation::BeiDou, Constellation::Glonass]
+        .get(clock)
+        .copied()
+}
+
 /// The sightings that `make` makes of the observations of `epoch`, in the epoch's order, and the observations that it
 /// refuses; an error if fewer than `needed` are left.
 pub(crate) fn select<'a>(

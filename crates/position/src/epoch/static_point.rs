@@ -9,8 +9,8 @@
 //! `g_i` what a residual does to the position, `sum (g_i noise_i)(g_i noise_i)' + sum_s G_s G_s'`, where `G_s`
 //! is the sum of `g_i model_i` over the rows of a satellite.
 
-use super::adjustment::{Adjustment, Measured, point};
-use super::sighting::Sighting;
+use super::adjustment::{Adjustment, DRIFT, Measured, point};
+use super::sighting::{Sighting, reference_clock};
 use super::{sightings, solve_traced};
 use crate::error::PositioningError;
 use crate::fix::Fix;
@@ -56,12 +56,13 @@ pub fn solve_static(
                 let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv());
                 let (mut set, _) = sightings(epoch, nav, options)?;
                 set.retain(used);
-                let terms = [fix.clock_bias_s, fix.clock_drift_sps];
+                let reference = reference_clock(&set);
                 let mut own = point(&Place::at(fix.position_m), &set).clocks;
-                for (own, term) in own.iter_mut().zip(terms) {
-                    *own = term.unwrap_or(0.0) * SPEED_OF_LIGHT;
-                }
-                let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
+                let bias = fix.clock_bias_s.unwrap_or(0.0) * SPEED_OF_LIGHT;
+                own.iter_mut().step_by(2).for_each(|of_system| *of_system = bias);
+                own[DRIFT] = fix.clock_drift_sps.unwrap_or(0.0) * SPEED_OF_LIGHT;
+                let receive_time = epoch.receive_time;
+                let adjustment = Adjustment { receive_time, nav, options, reference };
                 all.epochs.push(Epoch {
                     adjustment,
                     set,

@@ -454,6 +454,7 @@ fn finish(
         position_m,
         velocity_mps: motion.map(|m| m.velocity_mps),
         clock_bias_s: Some(-fix.late_s()),
+        system_offsets: Vec::new(),
         clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
         covariance: geometry.local(&covariance),
         clock_bias_sigma_s: Some(fix.covariance[(TIME, TIME)].sqrt()),
