@@ -7,6 +7,7 @@ mod brute_force;
 #[path = "../common/mod.rs"]
 mod common;
 mod false_satellites;
+mod galileo;
 mod impulses;
 mod interference;
 mod losses;
