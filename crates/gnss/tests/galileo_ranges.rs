@@ -1,12 +1,13 @@
-//! Ephemerides of Galileo against ranges that a receiver of others measured at a known place (`SDR_RX_DATA`,
+//! Ephemerides of Galileo, as RINEX files hold them, against ranges that a receiver of others measured at a known place (`SDR_RX_DATA`,
 //! `obs/matrtklib-static`).
 
 use nalgebra::Vector3;
 use sdr_rx_gnss::atmosphere::{Klobuchar, Troposphere};
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
+use sdr_rx_gnss::format::rinex_nav;
 use sdr_rx_gnss::orbit::Propagation;
-use sdr_rx_gnss::{Ephemeris, GpsTime, NavigationData, Sv};
+use sdr_rx_gnss::{GpsTime, NavigationData, Sv};
 
 /// A number of a fixed column of RINEX.
 fn number(line: &str, from: usize, width: usize) -> f64 {
@@ -18,61 +19,6 @@ fn epoch(line: &str, from: usize) -> GpsTime {
     let whole = |k: usize| part(k).parse::<u32>().unwrap();
     let seconds = part(5).get(..2).unwrap_or(part(5)).parse().unwrap();
     GpsTime::from_calendar(whole(0) as i32, whole(1), whole(2), whole(3), whole(4), seconds)
-}
-
-/// The ephemerides of I/NAV in the text of a RINEX 3 file (table A8).
-fn ephemerides(text: &str) -> NavigationData {
-    let lines: Vec<&str> = text.lines().collect();
-    let mut data = NavigationData::default();
-    for (at, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with('E')) {
-        let field = |k: usize| number(lines[at + k / 4], 4 + 19 * (k % 4), 19);
-        if field(21) as u32 & 1 == 0 {
-            continue;
-        }
-        let toc = epoch(&format!("{} ", &line[4..23]), 0);
-        data.insert(Ephemeris {
-            sv: line[..3].parse().unwrap(),
-            iodc: field(4) as u16,
-            iode: (field(4) as u16 & 0xFF) as u8,
-            ura_index: 0,
-            health: field(25) as u8 & 7,
-            l2_codes: 0,
-            l2_p_data: false,
-            fit_interval_flag: false,
-            toc,
-            toe: toc.nearest_with_tow(field(12)),
-            transmission_time: Some(toc.nearest_with_tow(field(28))),
-            af0: field(1),
-            af1: field(2),
-            af2: field(3),
-            tgd: field(27),
-            sqrt_a: field(11),
-            e: field(9),
-            m0: field(7),
-            delta_n: field(6),
-            omega0: field(14),
-            omega_dot: field(19),
-            i0: field(16),
-            idot: field(20),
-            omega: field(18),
-            cuc: field(8),
-            cus: field(10),
-            crc: field(17),
-            crs: field(5),
-            cic: field(13),
-            cis: field(15),
-        });
-    }
-    data
-}
-
-/// The eight GPS coefficients of the header.
-fn klobuchar(text: &str) -> Klobuchar {
-    let of = |name: &str| {
-        let line = text.lines().find(|line| line.starts_with(name)).unwrap();
-        [5, 17, 29, 41].map(|column| number(line, column, 12))
-    };
-    Klobuchar { alpha: of("GPSA"), beta: of("GPSB") }
 }
 
 /// Code ranges C1C of Galileo, the second observable of the file after X1, by epoch.
@@ -124,8 +70,8 @@ fn ranges_of_galileo_at_a_known_place_agree_with_its_ephemerides() {
     let mut numbers = place.split_whitespace().filter_map(|word| word.parse::<f64>().ok());
     let degrees: [f64; 3] = std::array::from_fn(|_| numbers.next().unwrap());
     let receiver_m = Geodetic::from_degrees(degrees[0], degrees[1], degrees[2]).to_ecef();
-    let nav = read("base.nav");
-    let (data, ionosphere) = (ephemerides(&nav), klobuchar(&nav));
+    let data = rinex_nav::read(folder.join("base.nav")).unwrap().data;
+    let ionosphere = data.ionosphere.unwrap();
     for epoch in ranges(&read("base.obs")).iter().step_by(60) {
         let left = residuals(&receiver_m, epoch, &data, &ionosphere);
         let count = left.len() as f64;

@@ -2,6 +2,7 @@
 
 use super::lines::Lines;
 use crate::format::records::{LeftOut, ReadError};
+use crate::galileo_data::GalileoGpsOffset;
 use crate::message::lnav::resolve_week;
 use crate::navigation_data::UtcParameters;
 use crate::time::SECONDS_PER_WEEK;
@@ -18,6 +19,8 @@ pub(super) struct Header {
     pub alpha: Option<[f64; 4]>,
     pub beta: Option<[f64; 4]>,
     pub utc: Option<UtcParameters>,
+    /// Time of Galileo against that of GPS.
+    pub galileo: Option<GalileoGpsOffset>,
     /// Leap seconds.
     pub leap: Option<LeapSeconds>,
 }
@@ -45,7 +48,8 @@ impl Header {
             let problem = format!("the file holds '{kind}'");
             return Err(lines.malformed(start, problem, "a navigation file has N in column 21"));
         }
-        let mut header = Self { version, system, alpha: None, beta: None, utc: None, leap: None };
+        let mut header =
+            Self { version, system, alpha: None, beta: None, utc: None, galileo: None, leap: None };
         for at in start + 1..lines.lines.len() {
             if lines.columns(at, 60, 20).eq_ignore_ascii_case("END OF HEADER") {
                 return Ok((header, at + 1));
@@ -83,6 +87,12 @@ impl Header {
             "TIME SYSTEM CORR" if lines.columns(at, 0, 4) == "GPUT" => {
                 self.utc = utc_line(lines, at, [5, 22, 38, 45, 50])?;
             }
+            // GAGP until version 3.03, with the same sign.
+            "TIME SYSTEM CORR" if ["GAGP", "GPGA"].contains(&lines.columns(at, 0, 4)) => {
+                let sent = utc_line(lines, at, [5, 22, 38, 45, 50])?;
+                self.galileo =
+                    sent.map(|sent| GalileoGpsOffset { a0: sent.a0, a1: sent.a1, t0: sent.tot });
+            }
             "LEAP SECONDS" => self.leap = leap_seconds(lines, at)?,
             _ => {}
         }
@@ -101,10 +111,10 @@ impl Header {
         } else {
             (lines.columns(at, 0, 1), lines.columns(at, 1, 2))
         };
-        if matches!(letter, "R" | "E" | "C" | "S" | "I") {
+        if matches!(letter, "R" | "C" | "S" | "I") {
             return Ok(None);
         }
-        let sv = if matches!(letter, "G" | "J") {
+        let sv = if matches!(letter, "G" | "J" | "E") {
             format!("{letter}{number}").parse().ok()
         } else {
             None

@@ -1,6 +1,6 @@
-//! Reader of RINEX navigation files: versions 2.10 to 2.12, 3.0x and 4.0x, GPS and QZSS LNAV.
+//! Reader of RINEX navigation files: versions 2.10 to 2.12, 3.0x and 4.0x, LNAV of GPS and QZSS, I/NAV of Galileo.
 //!
-//! Sources: RINEX 2.11 table A3-A4, 3.05 tables A5-A6 and A13, 4.01 sections 5.2 to 5.4. Records of
+//! Sources: RINEX 2.11 table A3-A4, 3.05 tables A5-A6, A8 and A13, 4.01 sections 5.2 to 5.4. Records of
 //! other systems and message types are skipped and counted. Deviations of
 //! real files are accepted (D exponents, labels in any case, CRLF, blank optional fields, a missing last line);
 //! errors name file, line and what is valid.
@@ -14,9 +14,9 @@ pub use write::write;
 use crate::atmosphere::Klobuchar;
 use crate::format::records::{LeftOut, ReadError, plain, read_text};
 use crate::navigation_data::UtcParameters;
-use crate::orbit::broadcast::ura_index;
+use crate::orbit::broadcast::{NO_ACCURACY, ura_index};
 use crate::time::SECONDS_PER_WEEK;
-use crate::{Ephemeris, NavigationData, Sv};
+use crate::{Constellation, Ephemeris, NavigationData, Sv};
 use header::{Header, utc_parameters};
 use lines::Lines;
 use std::path::Path;
@@ -26,6 +26,8 @@ const WEEKS_PER_CYCLE: i64 = 1 << 10;
 
 /// Lines of an LNAV record.
 const LINES: usize = 8;
+/// Data validity and health status of E1-B in the health word of Galileo.
+const E1_HEALTH: u16 = 0b111;
 /// The largest user range accuracy that is sent, m.
 const WORST_URA_M: f64 = 8192.0;
 
@@ -34,7 +36,7 @@ const WORST_URA_M: f64 = 8192.0;
 pub struct NavigationFile {
     /// The format's version, such as 3.04.
     pub version: f64,
-    /// Ephemerides of GPS and QZSS, ionosphere and UTC.
+    /// Ephemerides of GPS, QZSS and Galileo, ionosphere and UTC.
     pub data: NavigationData,
     /// Records of other systems and messages that were skipped.
     pub skipped: usize,
@@ -130,6 +132,8 @@ impl Reading {
         let sent = header.alpha.zip(header.beta).and_then(|(a, b)| Klobuchar::sent(a, b));
         self.file.data.ionosphere = sent.or(self.file.data.ionosphere);
         self.utc = header.utc.or(self.utc);
+        let known = &mut self.file.data.galileo.gps_offset;
+        *known = header.galileo.or(*known);
         if self.header.is_none() {
             self.file.version = header.version;
         }
@@ -145,7 +149,9 @@ impl Reading {
         let Some(header) = &self.header else { return Ok(()) };
         let (first, file) = (range.start, &mut self.file);
         match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
-            None | Some(("EPH", _, "LNAV")) => match header.satellite(lines, first)? {
+            None | Some(("EPH", _, "LNAV" | "INAV")) => match header.satellite(lines, first)? {
+                // The clock of F/NAV is that of E1 and E5a.
+                Some(sv) if is_of_fnav(lines, first, sv)? => file.skipped += 1,
                 Some(sv) => file.data.insert(ephemeris(lines, range, sv, header)?),
                 None => file.skipped += 1,
             },
@@ -162,7 +168,20 @@ impl Reading {
     }
 }
 
-/// An LNAV record (RINEX 2.11 table A4, 3.05 table A6): up to eight lines of four fields.
+/// Bits of the data source of a Galileo record: I/NAV of E1-B, and of E5b, which is the same.
+const INAV_SOURCES: u32 = 0b101;
+
+/// Whether the record of a satellite is that of F/NAV (RINEX 3.05 table A8, broadcast orbit 5, field 2).
+fn is_of_fnav(lines: &Lines, first: usize, sv: Sv) -> Result<bool, ReadError> {
+    if sv.constellation() != Constellation::Galileo || first + 5 >= lines.lines.len() {
+        return Ok(false);
+    }
+    let source = lines.real(first + 5, 4 + 19, 19)?;
+    Ok(source.is_some_and(|source| source as u32 & INAV_SOURCES == 0))
+}
+
+/// An LNAV or I/NAV record (RINEX 2.11 table A4, 3.05 tables A6 and A8): up to eight lines of four fields. Galileo has
+/// IODnav in place of IODE and IODC, BGD(E1, E5b) in that of IODC, and the health of all of its signals in one word.
 fn ephemeris(
     lines: &Lines,
     range: std::ops::Range<usize>,
@@ -218,17 +237,27 @@ fn ephemeris(
         let problem = format!("the record of {sv} has {count} lines, and its URA is {ura} m");
         return Err(lines.malformed(first, problem, format!("it has {LINES}")));
     }
-    let fit = field(29)?.unwrap_or(0.0);
+    let is_galileo = sv.constellation() == Constellation::Galileo;
+    let last_issue = f64::from((1u16 << 10) - 1);
+    let issue = within(4, "IODE", 0.0, if is_galileo { last_issue } else { 255.0 })? as u16;
+    let (iodc, tgd, health) = match is_galileo {
+        true => (issue, any(27, "BGD")?, within(25, "health", 0.0, 511.0)? as u16 & E1_HEALTH),
+        false => {
+            let iodc = within(27, "IODC", 0.0, last_issue)? as u16;
+            (iodc, any(26, "TGD")?, within(25, "health", 0.0, 63.0)? as u16)
+        }
+    };
+    let fit = field(29)?.filter(|_| !is_galileo).unwrap_or(0.0);
     let sent = field(28)?.filter(|tow| tow.abs() <= 2.0 * SECONDS_PER_WEEK as f64);
     Ok(Ephemeris {
         sv,
-        iodc: within(27, "IODC", 0.0, f64::from((1u16 << 10) - 1))? as u16,
-        iode: within(4, "IODE", 0.0, 255.0)? as u8,
-        // Where none is stated, what is usual.
-        ura_index: field(24)?.map_or(0, ura_index),
-        health: within(25, "health", 0.0, 63.0)? as u8,
-        l2_codes: field(21)?.map_or(0, |v| v.clamp(0.0, 3.0) as u8),
-        l2_p_data: field(23)?.is_some_and(|v| v != 0.0),
+        iodc,
+        iode: issue as u8,
+        // Where none is stated, what is usual; Galileo states by -1 that there is none.
+        ura_index: field(24)?.map_or(0, |m| if m < 0.0 { NO_ACCURACY } else { ura_index(m) }),
+        health: health as u8,
+        l2_codes: field(21)?.filter(|_| !is_galileo).map_or(0, |v| v.clamp(0.0, 3.0) as u8),
+        l2_p_data: field(23)?.is_some_and(|v| v != 0.0 && !is_galileo),
         // Hours, or from older writers and of QZSS the flag itself.
         fit_interval_flag: fit == 1.0 || fit > 4.0,
         toc,
@@ -237,7 +266,7 @@ fn ephemeris(
         af0: any(1, "af0")?,
         af1: any(2, "af1")?,
         af2: any(3, "af2")?,
-        tgd: any(26, "TGD")?,
+        tgd,
         sqrt_a: within(11, "sqrt(A)", 2000.0, 8192.0)?,
         e: within(9, "e", 0.0, 0.5)?,
         m0: any(7, "M0")?,

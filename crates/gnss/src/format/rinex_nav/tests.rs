@@ -215,6 +215,45 @@ fn a_malformed_record_loses_itself_and_files_may_follow_each_other() {
     assert!(parse(&(v2_header() + &bad), "x").unwrap_err().to_string().contains("sqrt(A)"));
 }
 
+/// Exponents of twelve digits after the point keep no more than 5e-13 of a value.
+#[test]
+fn ephemerides_of_galileo_are_written_and_read_back_and_those_of_fnav_are_left_out() {
+    let sv = "E11".parse().unwrap();
+    let sample = crate::orbit::broadcast::sample_ephemeris();
+    let ephemeris = Ephemeris {
+        sv,
+        iodc: 777,
+        iode: (777 & 0xFF) as u8,
+        health: 0b010,
+        l2_codes: 0,
+        l2_p_data: false,
+        fit_interval_flag: false,
+        ..sample
+    };
+    let mut data = NavigationData::default();
+    data.insert(ephemeris.clone());
+    let t0 = crate::GpsTime::from_week_tow(2190, 518_400.0);
+    let offset = crate::galileo_data::GalileoGpsOffset { a0: 2e-8, a1: -1e-15, t0 };
+    data.galileo.gps_offset = Some(offset);
+    let text = write(&data);
+    let back = parse(&text, "written").unwrap();
+    let read = only(&back);
+    assert_eq!((read.sv, read.iodc, read.iode, read.health), (sv, 777, ephemeris.iode, 0b010));
+    assert_eq!((read.toe, read.toc), (ephemeris.toe, ephemeris.toc));
+    for (a, b) in
+        [(read.tgd, ephemeris.tgd), (read.sqrt_a, ephemeris.sqrt_a), (read.af0, ephemeris.af0)]
+    {
+        assert!((a - b).abs() <= 5e-13 * b.abs(), "{a} {b}");
+    }
+    let read_offset = back.data.galileo.gps_offset.unwrap();
+    assert!((read_offset.a0 - 2e-8).abs() < 1e-18 && read_offset.t0 == t0);
+    // Data source 258: F/NAV of E5a, clock of E1 and E5a.
+    let fnav = text.replace("5.130000000000E+02", "2.580000000000E+02");
+    assert_ne!(fnav, text);
+    let left = parse(&fnav, "fnav").unwrap();
+    assert_eq!((left.data.iter().count(), left.skipped), (0, 1));
+}
+
 proptest! {
     #[test]
     fn mutilated_files_never_panic(at in 0usize..1400, with in ".{0,30}", version in 2..5, cut in 0usize..1500) {

@@ -1,4 +1,4 @@
-//! RINEX 3.04 navigation file (RINEX 3.04 tables A5 and A6).
+//! RINEX 3.04 navigation file (RINEX 3.04 tables A5, A6 and A8).
 
 use crate::{Constellation, Ephemeris, NavigationData, Sv};
 use std::fmt::Write;
@@ -23,9 +23,12 @@ fn exponent(value: f64, digits: usize, width: usize) -> String {
     format!("{:>width$}", format!("{mantissa}E{sign}{:02}", power.abs()))
 }
 
-/// The navigation data of GPS and QZSS, whose records are those of LNAV, as a RINEX 3.04 file.
+/// The navigation data of GPS, QZSS and Galileo (I/NAV of E1-B) as a RINEX 3.04 file.
 pub fn write(data: &NavigationData) -> String {
-    let sent = |sv: Sv| matches!(sv.constellation(), Constellation::Gps | Constellation::Qzss);
+    let sent = |sv: Sv| {
+        use Constellation::{Galileo, Gps, Qzss};
+        matches!(sv.constellation(), Gps | Qzss | Galileo)
+    };
     let mixed = data.satellites().any(|sv| sent(sv) && sv.constellation() != Constellation::Gps);
     let system = if mixed { "M: MIXED" } else { "G: GPS" };
     let kind = format!("{:>9.2}{:11}{:20}{system}", 3.04, "", "N: GNSS NAV DATA");
@@ -36,6 +39,11 @@ pub fn write(data: &NavigationData) -> String {
             text += &header_line(&format!("{name} {values}"), "IONOSPHERIC CORR");
         }
     }
+    if let Some(offset) = data.galileo.gps_offset {
+        let (a0, a1) = (exponent(offset.a0, 10, 17), exponent(offset.a1, 9, 16));
+        let (tot, week) = (offset.t0.tow(), offset.t0.week());
+        text += &header_line(&format!("GPGA {a0}{a1} {tot:6.0} {week:4}"), "TIME SYSTEM CORR");
+    }
     if let Some(utc) = data.utc {
         let (a0, a1) = (exponent(utc.a0, 10, 17), exponent(utc.a1, 9, 16));
         let (tot, week) = (utc.tot.tow(), utc.tot.week());
@@ -45,11 +53,14 @@ pub fn write(data: &NavigationData) -> String {
         text += &header_line(&leap, "LEAP SECONDS");
     }
     text += &header_line("", "END OF HEADER");
-    data.iter().filter(|eph| sent(eph.sv)).for_each(|eph| record(&mut text, eph));
+    data.iter().filter(|eph| sent(eph.sv)).for_each(|eph| record(&mut text, eph, data));
     text
 }
 
-fn record(text: &mut String, eph: &Ephemeris) {
+/// Data source of a Galileo record: I/NAV of E1-B, clock of E1 and E5b.
+const INAV_E1B: f64 = 513.0;
+
+fn record(text: &mut String, eph: &Ephemeris, data: &NavigationData) {
     let (year, month, day, hour, minute, second) = eph.toc.calendar();
     // Clock reference times are multiples of 16 s: whole seconds lose nothing.
     let _ = write!(
@@ -64,7 +75,7 @@ fn record(text: &mut String, eph: &Ephemeris) {
         (Constellation::Gps, true) => 6.0,
         (_, flag) => f64::from(u8::from(flag)),
     };
-    let values = [
+    let mut values = [
         [eph.iode.into(), eph.crs, eph.delta_n, eph.m0],
         [eph.cuc, eph.e, eph.cus, eph.sqrt_a],
         [eph.toe.tow(), eph.cic, eph.omega0, eph.cis],
@@ -72,6 +83,15 @@ fn record(text: &mut String, eph: &Ephemeris) {
         [eph.idot, eph.l2_codes.into(), eph.toe.week().into(), f64::from(u8::from(eph.l2_p_data))],
         [nominal_ura(eph.ura_index), eph.health.into(), eph.tgd, eph.iodc.into()],
     ];
+    if eph.sv.constellation() == Constellation::Galileo {
+        let status = data.galileo.status.get(&eph.sv);
+        values[0][0] = eph.iodc.into();
+        values[4] = [eph.idot, INAV_E1B, eph.toe.week().into(), 0.0];
+        // -1: no accuracy is stated.
+        let sisa_m = status.map_or(Some(nominal_ura(eph.ura_index)), |s| s.sisa_m).unwrap_or(-1.0);
+        let bgd_e1_e5a = status.map_or(eph.tgd, |s| s.bgd_e1_e5a);
+        values[5] = [sisa_m, eph.health.into(), bgd_e1_e5a, eph.tgd];
+    }
     for value in [eph.af0, eph.af1, eph.af2] {
         *text += &exponent(value, 12, 19);
     }
