@@ -351,7 +351,7 @@ fn solve(
     }
     if reader.skipped() > 0 {
         solved.warnings.push(format!(
-            "{} observations were skipped: satellites of other systems, or without L1 C/A code and Doppler",
+            "{} observations were skipped: satellites of other systems, or without code and Doppler of L1 C/A or E1",
             reader.skipped()
         ));
     }

@@ -2,8 +2,8 @@
 
 use super::Source;
 use crate::format::records::{LeftOut, Line};
-use crate::signal::{GPS_L1_CA, QZSS_L1_CA, Signal};
-use crate::{Constellation, GpsTime, ReadError, Sv};
+use crate::signal::{GALILEO_E1B, GALILEO_E1C, GPS_L1_CA, QZSS_L1_CA};
+use crate::{GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
 use std::io::BufRead;
 
@@ -21,6 +21,10 @@ pub struct ObservationHeader {
     /// Time between epochs, s, where it is given.
     pub interval_s: Option<f64>,
 }
+
+/// Bands and attributes of Galileo E1, the first of which a file has is used: the pilot, both components, the data, and
+/// both with the component of the regulated service (RINEX 3.04 table 8).
+const E1_ATTRIBUTES: [&str; 4] = [GALILEO_E1C.rinex, "1X", GALILEO_E1B.rinex, "1Z"];
 
 /// Fields of a satellite's record, by their index in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,6 +50,7 @@ pub(super) struct Signals {
     factors: Vec<(char, f64, Vec<String>)>,
     pub gps: Fields,
     pub qzss: Fields,
+    pub galileo: Fields,
     time_system: TimeSystem,
 }
 
@@ -121,6 +126,7 @@ fn read_one<R: BufRead>(
         factors: Vec::new(),
         gps: Fields::default(),
         qzss: Fields::default(),
+        galileo: Fields::default(),
         time_system: if system == 'R' { TimeSystem::Utc } else { TimeSystem::Gps },
     };
     loop {
@@ -323,15 +329,16 @@ impl Signals {
         }
     }
 
-    /// Finds the fields of L1 C/A in the lists of names.
+    /// Finds the fields of L1 C/A, and of Galileo E1, in the lists of names.
     pub fn resolve(&mut self) {
-        let fields = |system: char, signal: &Signal| {
+        let is_old = self.version < 3.0;
+        let fields = |system: char, attribute: &str| {
             let index = |name: &str| self.index(system, name);
-            let named = |kind: char| match self.version < 3.0 {
+            let named = |kind: char| match is_old {
                 true => index(&format!("{kind}1")),
-                false => index(&format!("{kind}{}", signal.rinex)),
+                false => index(&format!("{kind}{attribute}")),
             };
-            let precise = if self.version < 3.0 { index("P1") } else { None };
+            let precise = if is_old && attribute == GPS_L1_CA.rinex { index("P1") } else { None };
             Fields {
                 count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
                 code: named('C').into_iter().chain(precise).collect(),
@@ -340,8 +347,11 @@ impl Signals {
                 strength: named('S'),
             }
         };
-        let qzss = if self.version < 3.0 { 'G' } else { 'J' };
-        (self.gps, self.qzss) = (fields('G', &GPS_L1_CA), fields(qzss, &QZSS_L1_CA));
+        let of = |system| if is_old { 'G' } else { system };
+        let (gps, qzss) = (fields('G', GPS_L1_CA.rinex), fields(of('J'), QZSS_L1_CA.rinex));
+        let galileo = E1_ATTRIBUTES.map(|attribute| fields(of('E'), attribute));
+        let measured = galileo.into_iter().find(|fields| !fields.code.is_empty());
+        (self.gps, self.qzss, self.galileo) = (gps, qzss, measured.unwrap_or_default());
     }
 
     /// The factor of the field `k` of a system's records.
@@ -361,8 +371,8 @@ impl Signals {
 
     /// The same, for the records of a satellite.
     pub fn index_of(&self, sv: Sv, name: &str) -> Option<usize> {
-        let qzss = self.version >= 3.0 && sv.constellation() == Constellation::Qzss;
-        self.index(if qzss { 'J' } else { 'G' }, name)
+        let is_old = self.version < 3.0;
+        self.index(if is_old { 'G' } else { sv.constellation().letter() }, name)
     }
 
     /// GPS time of a date as the file prints it.

@@ -343,8 +343,8 @@ fn known(name: &str, line: &Line, system: char) -> Result<Option<Sv>, ReadError>
     let number = name.trim_start_matches(|c: char| c.is_ascii_alphabetic()).trim();
     let letter = letter.unwrap_or(system).to_ascii_uppercase();
     let sv = match (letter, number.parse::<u8>()) {
-        ('R' | 'S' | 'E' | 'C' | 'I' | 'T', Ok(_)) => return Ok(None),
-        ('G' | 'J', Ok(number)) => format!("{letter}{number:02}").parse().ok(),
+        ('R' | 'S' | 'C' | 'I' | 'T', Ok(_)) => return Ok(None),
+        ('G' | 'J' | 'E', Ok(number)) => format!("{letter}{number:02}").parse().ok(),
         _ => None,
     };
     sv.map(Some).ok_or_else(|| {
@@ -390,8 +390,11 @@ pub(super) fn observation<'a>(
     signals: &Signals,
     field: &dyn Fn(usize) -> Field<'a>,
 ) -> Result<Option<Observation>, ReadError> {
-    let qzss = sv.constellation() == Constellation::Qzss;
-    let fields = if qzss { &signals.qzss } else { &signals.gps };
+    let fields = match sv.constellation() {
+        Constellation::Qzss => &signals.qzss,
+        Constellation::Galileo => &signals.galileo,
+        _ => &signals.gps,
+    };
     let value = |k: Option<usize>| k.map_or(Ok(None), |k| field(k).value());
     let mut code = None;
     for &k in &fields.code {
