@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use sdr_rx::gnss::Constellation;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_obs::{self, ObservationHeader};
 use sdr_rx::gnss::format::{rinex_nav, sp3};
@@ -44,6 +45,9 @@ pub(super) struct Solve {
     /// Precise orbits and clocks, used instead of broadcast ones while they are valid
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
+    /// Systems whose satellites are used, by their letters in RINEX, such as G,J,E [default: all that are read]
+    #[arg(long, value_name = "LETTERS", value_parser = systems, help_heading = "Position")]
+    systems: Option<Systems>,
     /// The receiver is at rest: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
     at_rest: bool,
@@ -315,7 +319,12 @@ fn solve(
     let bar = bar(&args.observations);
     let mut solved = Solved::default();
     loop {
-        let chunk: Vec<ObservationEpoch> = reader.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
+        let mut chunk: Vec<ObservationEpoch> =
+            reader.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
+        if let Some(Systems(asked)) = &args.systems {
+            let of_all = chunk.iter_mut().map(|epoch| &mut epoch.observations);
+            of_all.for_each(|list| list.retain(|o| asked.contains(&o.sv().constellation())));
+        }
         if chunk.is_empty() {
             break;
         }
@@ -389,6 +398,23 @@ fn solve_chunk(
     }
 }
 
+/// Satellite systems.
+#[derive(Clone, Debug, PartialEq)]
+struct Systems(Vec<Constellation>);
+
+fn systems(text: &str) -> Result<Systems, String> {
+    let read = [Constellation::Gps, Constellation::Qzss, Constellation::Galileo];
+    let named = |letter: &str| {
+        let system = read.into_iter().find(|system| letter.chars().eq([system.letter()]));
+        system.ok_or(format!("'{letter}' is no system that is read: write G, J or E, such as G,E"))
+    };
+    text.to_ascii_uppercase()
+        .split(',')
+        .map(|letter| named(letter.trim()))
+        .collect::<Result<_, _>>()
+        .map(Systems)
+}
+
 /// A progress bar on a terminal, nothing elsewhere.
 fn bar(path: &Path) -> ProgressBar {
     let bytes = std::fs::metadata(path).map(|m| m.len()).ok();
@@ -405,6 +431,9 @@ mod tests {
 
     #[test]
     fn positions_and_heights_are_read() {
+        let two = systems("g, E").unwrap();
+        assert_eq!(two, Systems(vec![Constellation::Gps, Constellation::Galileo]));
+        assert!(systems("C").is_err() && systems("").is_err() && systems("GE").is_err());
         let munich = position("48.5, 11.5,560").unwrap();
         assert_eq!((munich.latitude.to_degrees(), munich.height), (48.5, 560.0));
         assert_eq!(height("-20:0.5"), Ok(Height { height_m: -20.0, sigma_m: 0.5 }));
