@@ -140,5 +140,6 @@ pub fn advise(receive: &Receive, options: &ReceiverOptions, record: &Record) -> 
         reading.apply(&mut open);
         capture::open(&receive.input.captures, &open).ok()
     };
-    advice::advise(&open, &options.search, found)
+    let searched = options.search.by_code().into_iter().next();
+    searched.map_or(Vec::new(), |searched| advice::advise(&open, &searched, found))
 }

@@ -232,7 +232,8 @@ impl Tracker {
             let sv = track.sv();
             for update in track.decode(&mut self.collector) {
                 if update == Update::IonosphereUtc {
-                    self.collector.data().utc.iter().for_each(UtcParameters::announce);
+                    let NavigationData { utc, galileo, .. } = self.collector.data();
+                    utc.iter().chain(&galileo.utc).for_each(UtcParameters::announce);
                 }
                 news |= matches!(update, Update::Ephemeris(_) | Update::IonosphereUtc);
                 emit(Event::Message { sv, sample, update });

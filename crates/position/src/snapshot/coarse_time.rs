@@ -149,7 +149,7 @@ impl Model<4, 5> for Attempt<'_, '_> {
             }
             let Some((integers, code_m)) = self.integers.zip(sighting.range_m) else { continue };
             let g = -predicted.direction;
-            let range_m = code_m + f64::from(integers[k]) * sighting.observation.code_period_m();
+            let range_m = code_m + f64::from(integers[k]) * CODE_PERIOD_M;
             let residual = range_m - predicted.range_m - at.clocks[BIAS];
             let row = [g.x, g.y, g.z, predicted.range_rate(&at_rest, 0.0), residual];
             let sigma = sighting.observation.range_sigma_m.hypot(predicted.range_sigma_m);

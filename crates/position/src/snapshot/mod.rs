@@ -360,10 +360,8 @@ fn integers(set: &[Sighting], region: &CoarseFix, offset: &Vector4<f64>) -> (Vec
     let highest = (0..set.len()).max_by(|a, b| elevation(a).total_cmp(&elevation(b))).unwrap_or(0);
     let observed = code_phases(set);
     let bias_m = observed[highest] - predicted[highest];
-    let whole = |((s, o), p): ((&Sighting, &f64), &f64)| {
-        ((p + bias_m - o) / s.observation.code_period_m()).round() as i32
-    };
-    (set.iter().zip(&observed).zip(&predicted).map(whole).collect(), bias_m)
+    let whole = |(o, p): (&f64, &f64)| ((p + bias_m - o) / CODE_PERIOD_M).round() as i32;
+    (observed.iter().zip(&predicted).map(whole).collect(), bias_m)
 }
 
 /// Code phases of a snapshot's satellites, m; each has one.
