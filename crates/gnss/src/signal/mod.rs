@@ -143,6 +143,16 @@ impl Signal {
         }
     }
 
+    /// Carrier of a satellite on this frequency channel, Hz; none where it has channels and this one is not known.
+    pub fn carrier_on_channel_hz(&self, channel: Option<i8>) -> Option<f64> {
+        match self.carrier {
+            Carrier::Fixed(hz) => Some(hz),
+            Carrier::Fdma { centre_hz, step_hz, .. } => {
+                channel.map(|channel| centre_hz + f64::from(channel) * step_hz)
+            }
+        }
+    }
+
     /// Wavelength of the carrier of a satellite, m.
     pub fn wavelength_m(&self, sv: Sv) -> f64 {
         SPEED_OF_LIGHT / self.carrier_hz(sv)
@@ -339,6 +349,9 @@ mod tests {
         let signal = Signal { carrier, ..gps_l1_ca::SIGNAL };
         let sv = Sv::from_prn(1).unwrap();
         assert_eq!(signal.carrier_hz(sv), 1602e6 - 4.0 * 562.5e3);
+        assert_eq!(signal.carrier_on_channel_hz(Some(6)), Some(1_605.375e6));
+        assert_eq!(signal.carrier_on_channel_hz(None), None);
+        assert_eq!(GPS_L1_CA.carrier_on_channel_hz(None), Some(L1_CENTRE_HZ));
     }
 
     #[test]
