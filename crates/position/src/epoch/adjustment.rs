@@ -21,8 +21,9 @@
 //! deviations as they were.
 
 use super::predicted::Predicted;
-use super::sighting::{Sighting, clock_of};
+use super::sighting::{Sighting, clock_of, reference_clock, system_of};
 use crate::error::PositioningError;
+use crate::fix::InterSystemOffset;
 use crate::gauss_newton::{Damping, Minimum, Model, Step, Stopped, Verdict, Why, gauss_newton};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS, chi_square_limit};
 use crate::least_squares::{LeastSquares, LinearRow};
@@ -36,11 +37,15 @@ use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
-use sdr_rx_gnss::{GpsTime, NavigationData};
+use sdr_rx_gnss::{Constellation, GpsTime, NavigationData};
 
-/// Clock terms of an epoch: of clock 0 bias, m, and drift, m/s; then those of further systems.
-pub(crate) const BIAS: usize = 0;
+/// The clock term of all range rates: the receiver has one drift, m/s.
 pub(crate) const DRIFT: usize = 1;
+
+/// The clock term of a clock's bias, m. Those of systems without satellites are in no row, and stay as they are.
+pub(crate) fn bias(clock: usize) -> usize {
+    2 * clock
+}
 
 /// Gauss-Newton is quadratic near the ground: from the bare solver's 100 m it takes 3 or 4 steps.
 const MAX_REFINEMENTS: usize = 10;
@@ -115,8 +120,10 @@ pub(crate) struct Adjusted<'a> {
     pub time: GpsTime,
     /// Of the position, ECEF, m^2.
     pub covariance: Matrix3<f64>,
-    /// Standard deviation of the clock's bias, m, where it was observed.
-    pub bias_sigma_m: Option<f64>,
+    /// Bias of the reference clock, m, and its standard deviation, where it was observed.
+    pub bias_m: Option<(f64, f64)>,
+    pub reference: Constellation,
+    pub offsets: Vec<InterSystemOffset>,
     pub geometry: Geometry,
     /// Weighted sum of squared residuals.
     pub cost: f64,
@@ -160,15 +167,22 @@ impl Observable {
 }
 
 impl<'a> Adjustment<'a> {
-    /// GPS time of reception at a point.
-    pub fn time(&self, at: &Point<3>) -> GpsTime {
-        self.receive_time - at.clocks[BIAS] / SPEED_OF_LIGHT
+    /// GPS time of reception by a clock's bias, m: of any system that is observed, as their times differ by less than a
+    /// microsecond, in which satellites move by millimetres.
+    pub fn time(&self, bias_m: f64) -> GpsTime {
+        self.receive_time - bias_m / SPEED_OF_LIGHT
     }
 
-    /// What would be seen of the satellites at a point.
+    /// What would be seen of the satellites at a point, at the time by their reference clock.
     pub fn predict(&self, used: &[Sighting], at: &Point<3>) -> Vec<Predicted> {
-        let time = self.time(at);
-        let predict = |s: &Sighting| Predicted::new(s.orbit, &at.x, time, self.nav, self.options);
+        self.predict_by(used, at, at.clocks[bias(reference_clock(used))])
+    }
+
+    /// The same at the time by a bias, m.
+    pub fn predict_by(&self, used: &[Sighting], at: &Point<3>, bias_m: f64) -> Vec<Predicted> {
+        let (time, nav, options) = (self.time(bias_m), self.nav, self.options);
+        let predict =
+            |s: &Sighting| Predicted::new(s.orbit, s.carrier_hz, &at.x, time, nav, options);
         used.iter().map(predict).collect()
     }
 
@@ -182,7 +196,7 @@ impl<'a> Adjustment<'a> {
         let observable = self.options.observable;
         used.iter().zip(predictions).enumerate().flat_map(
             move |(satellite, (sighting, predicted))| {
-                let term = 2 * clock_of(sighting.observation.sv()) + BIAS;
+                let term = bias(clock_of(sighting.sv()));
                 let range = sighting.range_m.map(|range_m| Measured {
                     satellite,
                     kind: RowKind::Range,
@@ -256,10 +270,32 @@ impl<'a> Adjustment<'a> {
         let variances: Vec<f64> = variances.chain([1.0]).collect();
         let influences = system.influences().zip(&variances);
         let covariance: Matrix3<f64> = influences.map(|(g, v)| g * g.transpose() * *v).sum();
-        let bias_sigma_m = self.options.observable.contains(RowKind::Range).then(|| {
-            let influences = system.clock_influences(BIAS).zip(&variances);
-            influences.map(|(g, v)| g * g * v).sum::<f64>().sqrt()
+        let spread = |influences: &mut dyn Iterator<Item = f64>| {
+            influences.zip(&variances).map(|(g, v)| g * g * v).sum::<f64>().sqrt()
+        };
+        // Of those with weight.
+        let is_observed = |clock: &usize| {
+            let mut rows = view.weighted().map(|(row, _)| row);
+            rows.any(|row| row.kind == RowKind::Range && row.term == bias(*clock))
+        };
+        let mut clocks = (0..state.clocks.len() / 2).filter(is_observed);
+        let first = clocks.next();
+        let reference = first.unwrap_or_else(|| reference_clock(&used));
+        let bias_m = first.map(|clock| {
+            (state.clocks[bias(clock)], spread(&mut system.clock_influences(bias(clock))))
         });
+        let offsets: Vec<InterSystemOffset> = clocks
+            .map(|clock| {
+                let own = system.clock_influences(bias(clock));
+                let influences = own.zip(system.clock_influences(bias(reference)));
+                InterSystemOffset {
+                    system: system_of(clock),
+                    offset_s: (state.clocks[bias(clock)] - state.clocks[bias(reference)])
+                        / SPEED_OF_LIGHT,
+                    sigma_s: spread(&mut influences.map(|(a, b)| a - b)) / SPEED_OF_LIGHT,
+                }
+            })
+            .collect();
         let rows = variances.len() - usize::from(self.options.height.is_none());
         let mut terms: Vec<usize> = view.rows.iter().map(|row| row.term).collect();
         terms.sort_unstable();
@@ -275,7 +311,7 @@ impl<'a> Adjustment<'a> {
         // Dilutions are those of ranges, whatever was observed.
         system.set(view.predictions.iter().zip(&used).map(|(predicted, sighting)| {
             let g = -predicted.direction;
-            let term = Some(2 * clock_of(sighting.observation.sv()));
+            let term = Some(bias(clock_of(sighting.sv())));
             LinearRow::new([g.x, g.y, g.z, 0.0], 1.0, term)
         }));
         let infinite = degenerate("dilution of precision", f64::INFINITY, 100.0);
@@ -289,10 +325,12 @@ impl<'a> Adjustment<'a> {
         Ok(Adjusted {
             used,
             view,
-            time: self.time(&state),
+            time: self.time(state.clocks[bias(reference)]),
             state,
             covariance,
-            bias_sigma_m,
+            bias_m,
+            reference: system_of(reference),
+            offsets,
             geometry,
             cost,
             iterations,
@@ -344,7 +382,12 @@ impl EpochView {
                 freedom => (cost / freedom as f64).sqrt(),
             }
         };
-        [scale(RowKind::Range, 4).clamp(MIN_SCALE, 1.0), scale(RowKind::RangeRate, 1).max(1.0)]
+        let mut terms: Vec<usize> = self.rows.iter().map(|row| row.term).collect();
+        terms.retain(|term| *term != DRIFT);
+        terms.sort_unstable();
+        terms.dedup();
+        let of_ranges = 3 + terms.len();
+        [scale(RowKind::Range, of_ranges).clamp(MIN_SCALE, 1.0), scale(RowKind::RangeRate, 1).max(1.0)]
     }
 }
 

@@ -9,8 +9,8 @@
 //! `g_i` what a residual does to the position, `sum (g_i noise_i)(g_i noise_i)' + sum_s G_s G_s'`, where `G_s`
 //! is the sum of `g_i model_i` over the rows of a satellite.
 
-use super::adjustment::{Adjustment, Measured, point};
-use super::sighting::Sighting;
+use super::adjustment::{Adjustment, DRIFT, Measured, bias, point};
+use super::sighting::{Sighting, clock_of, system_of};
 use super::{sightings, solve_traced};
 use crate::error::PositioningError;
 use crate::fix::Fix;
@@ -56,10 +56,12 @@ pub fn solve_static(
                 let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv());
                 let (mut set, _) = sightings(epoch, nav, options)?;
                 set.retain(used);
-                let terms = [fix.clock_bias_s, fix.clock_drift_sps];
                 let mut own = point(&Place::at(fix.position_m), &set).clocks;
-                for (own, term) in own.iter_mut().zip(terms) {
-                    *own = term.unwrap_or(0.0) * SPEED_OF_LIGHT;
+                own[DRIFT] = fix.clock_drift_sps.unwrap_or(0.0) * SPEED_OF_LIGHT;
+                for clock in set.iter().map(|s| clock_of(s.sv())) {
+                    let offset = fix.offsets.iter().find(|o| o.system == system_of(clock));
+                    let bias_s = fix.clock_bias_s.unwrap_or(0.0) + offset.map_or(0.0, |o| o.offset_s);
+                    own[bias(clock)] = bias_s * SPEED_OF_LIGHT;
                 }
                 let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
                 all.epochs.push(Epoch {

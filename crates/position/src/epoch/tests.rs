@@ -8,6 +8,7 @@ use nalgebra::Matrix3;
 use sdr_rx_gnss::Ephemeris;
 use sdr_rx_gnss::atmosphere::Troposphere;
 use sdr_rx_gnss::coordinates::Geodetic;
+use sdr_rx_gnss::signal::L1_CENTRE_HZ;
 
 const MASK: f64 = 0.1;
 
@@ -69,7 +70,7 @@ fn covariance_is_that_of_a_monte_carlo() {
         .map(|o| {
             let ephemeris = nav.nearest(o.sv(), truth.time).unwrap();
             let predicted =
-                Predicted::new(ephemeris, &truth.position_m, truth.time, &nav, &options);
+                Predicted::new(ephemeris, L1_CENTRE_HZ, &truth.position_m, truth.time, &nav, &options);
             o.range_sigma_m.hypot(predicted.range_sigma_m)
         })
         .collect();

@@ -15,7 +15,7 @@ mod code_phases;
 mod doppler_time;
 mod time_window;
 
-use crate::epoch::sighting::{Sighting, select};
+use crate::epoch::sighting::{Sighting, reference_clock, select, system_of};
 use crate::epoch::velocity::motion;
 use crate::error::{DropReason, Dropped, PositioningError};
 use crate::fix::{Doubt, Fix, FixMethod, FixStart, Integrity, Residual};
@@ -77,7 +77,7 @@ pub fn solve_snapshot(
     }
     let time = epoch.receive_time;
     let (sightings, dropped) =
-        select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
+        select(epoch, options.systems, |observation| sighting(observation, time, nav), NEEDED)?;
     let problem = CoarseTime { time: epoch.receive_time, nav, options, speed_mps: 0.0 };
     let speeds = SPEEDS_MPS.iter().copied().filter(|&v| v < options.user_speed_mps);
     let speeds: Vec<f64> = speeds.chain([options.user_speed_mps]).collect();
@@ -432,8 +432,7 @@ fn finish(
         sv: sighting.observation.sv(),
         range_m: Some(range_m),
         doppler_hz: (sighting.observation.doppler_hz).map(|observed| {
-            let wavelength_m = sighting.observation.transmission.wavelength_m();
-            observed + predicted.range_rate(&velocity, drift) / wavelength_m
+            observed + predicted.range_rate(&velocity, drift) / sighting.wavelength_m()
         }),
         azimuth: predicted.azimuth,
         elevation: predicted.elevation,
@@ -444,6 +443,9 @@ fn finish(
         position_m,
         velocity_mps: motion.map(|m| m.velocity_mps),
         clock_bias_s: Some(-fix.late_s()),
+        // Whole periods are resolved for one clock.
+        reference: system_of(reference_clock(&used)),
+        offsets: Vec::new(),
         clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
         covariance: geometry.local(&covariance),
         clock_bias_sigma_s: Some(fix.covariance[(TIME, TIME)].sqrt()),

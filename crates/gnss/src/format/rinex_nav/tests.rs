@@ -1,5 +1,5 @@
 use super::*;
-use crate::GpsTime;
+use crate::{Ephemeris, GpsTime};
 use proptest::prelude::*;
 
 /// A header line: contents in columns 1-60, label in 61-80.
