@@ -26,7 +26,7 @@ use std::process::ExitCode;
 /// Epochs that are read and then solved together, on all processors.
 const CHUNK: usize = 256;
 
-/// Positions from RINEX observations (versions 2 to 4, compact or not; GPS and QZSS L1 C/A)
+/// Positions from RINEX observations (versions 2 to 4, compact or not; L1 of GPS, QZSS, Galileo, BeiDou, GLONASS)
 ///
 /// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. Files may be packed by gzip or compress. What `sdr-rx process
 /// signals/static_8sv.toml --out fix` writes are such files:
@@ -158,7 +158,7 @@ impl Solve {
             warnings.extend(file.left_out.kinds().iter().map(ToString::to_string));
             if file.data.is_empty() {
                 warnings.push(format!(
-                    "{}: no ephemeris of GPS or QZSS is in it; {} records of other systems were skipped",
+                    "{}: no ephemeris is in it that is known here; {} other records were skipped",
                     path.display(),
                     file.skipped
                 ));
@@ -232,9 +232,9 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     }
     let options = args.options()?;
     let mut told = Vec::new();
-    let navigation = args.navigation(&mut told)?;
+    let mut navigation = args.navigation(&mut told)?;
     navigation.utc.iter().for_each(UtcParameters::announce);
-    let (header, solved) = solve(args, &navigation, &options)?;
+    let (header, solved) = solve(args, &mut navigation, &options)?;
     let reason = match solved.refused.first() {
         _ if !solved.fixes.is_empty() => None,
         Some((_, error)) => Some(error.to_string()),
@@ -280,6 +280,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         options: serde_json::json!({
             "observable": options.observable,
             "solver": options.solver.to_string(),
+            "systems": options.systems.to_string(),
             "static": args.at_rest,
             "robust": options.robust,
             "exclusion": options.exclusion,
@@ -308,10 +309,12 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
 /// Reads the file and solves its epochs.
 fn solve(
     args: &Solve,
-    navigation: &NavigationData,
+    navigation: &mut NavigationData,
     options: &PositioningOptions,
 ) -> anyhow::Result<(ObservationHeader, Solved)> {
     let mut reader = rinex_obs::open(&args.observations)?;
+    navigation.glonass_channels.extend(reader.header().glonass_channels.clone());
+    let navigation = &*navigation;
     let bar = bar(&args.observations);
     let mut solved = Solved::default();
     loop {
@@ -351,7 +354,7 @@ fn solve(
     }
     if reader.skipped() > 0 {
         solved.warnings.push(format!(
-            "{} observations were skipped: satellites of other systems, or without L1 C/A code and Doppler",
+            "{} satellites of epochs were skipped: of other systems, or without code and Doppler on L1",
             reader.skipped()
         ));
     }

@@ -8,7 +8,7 @@ use crate::front_end::{ImpulseReport, Interferer};
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::message::sbas;
-use crate::position::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel};
+use crate::position::{Doubt, Fix, FixMethod, Integrity, InterSystemOffset, ProtectionLevel};
 use serde::Serialize;
 
 /// The whole record of a run.
@@ -110,6 +110,12 @@ pub(super) struct FixRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     clock_bias_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    clock_bias_sigma_s: Option<f64>,
+    /// Letter of the system whose time the bias is against, and the other systems' clocks against its one.
+    reference_system: char,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    system_offsets: Vec<OffsetRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     clock_drift_sps: Option<f64>,
     satellites: Vec<Sv>,
     method: FixMethod,
@@ -148,6 +154,21 @@ pub(super) struct FixRecord {
     excluded: Vec<Sv>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     unused: Vec<UnusedRecord>,
+}
+
+/// The receiver's clock against a system's time less that against the reference's.
+#[derive(Clone, Debug, Serialize)]
+struct OffsetRecord {
+    system: char,
+    offset_s: f64,
+    sigma_s: f64,
+}
+
+impl OffsetRecord {
+    fn new(offset: &InterSystemOffset) -> Self {
+        let &InterSystemOffset { system, offset_s, sigma_s } = offset;
+        Self { system: system.letter(), offset_s, sigma_s }
+    }
 }
 
 /// A satellite that was not used.
@@ -258,6 +279,9 @@ impl FixRecord {
             ecef_m: fix.position_m.into(),
             velocity_mps: fix.velocity_mps.map(Into::into),
             clock_bias_s: fix.clock_bias_s,
+            clock_bias_sigma_s: fix.clock_bias_sigma_s,
+            reference_system: fix.reference.letter(),
+            system_offsets: fix.offsets.iter().map(OffsetRecord::new).collect(),
             clock_drift_sps: fix.clock_drift_sps,
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,

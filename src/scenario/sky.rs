@@ -61,11 +61,11 @@ impl Scenario {
     /// Ephemerides of the satellites to simulate, all valid at the start.
     fn chosen(&self, data: &NavigationData) -> Result<Vec<Ephemeris>, ScenarioError> {
         let Some(list) = &self.satellites else {
-            let gps = data.satellites().filter(|sv| sv.constellation() == Constellation::Gps);
+            let gps = || data.satellites().filter(|sv| sv.constellation() == Constellation::Gps);
             let valid: Vec<Ephemeris> =
-                gps.filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
+                gps().filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
             // A file of another day: reported for the first satellite.
-            return match (valid.is_empty(), data.satellites().next()) {
+            return match (valid.is_empty(), gps().next()) {
                 (true, Some(sv)) => self.ephemeris(data, sv).map(|e| vec![e]),
                 _ => Ok(valid),
             };

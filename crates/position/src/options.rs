@@ -103,8 +103,7 @@ impl FromStr for Systems {
     fn from_str(text: &str) -> Result<Self, ParseSystemsError> {
         let mut systems = Self([false; Constellation::ALL.len()]);
         for item in text.split(',').map(str::trim) {
-            let named =
-                |s: &Constellation| item.to_ascii_uppercase().chars().eq([s.letter()]);
+            let named = |s: &Constellation| item.to_ascii_uppercase().chars().eq([s.letter()]);
             let at = Constellation::ALL.iter().position(named);
             systems.0[at.ok_or_else(|| ParseSystemsError(item.to_owned()))?] = true;
         }
@@ -160,7 +159,10 @@ mod tests {
         let systems: Systems = "G, e".parse().unwrap();
         assert!(systems.contains(Constellation::Gps) && systems.contains(Constellation::Galileo));
         assert!(!systems.contains(Constellation::Qzss));
-        assert_eq!((systems.to_string(), Systems::ALL.to_string()), ("G,E".into(), "G,J,S,E,C,R".into()));
+        assert_eq!(
+            (systems.to_string(), Systems::ALL.to_string()),
+            ("G,E".into(), "G,J,S,E,C,R".into())
+        );
         for wrong in ["", "G,", "X", "GPS", "G;E"] {
             assert!(wrong.parse::<Systems>().unwrap_err().to_string().contains("G GPS"), "{wrong}");
         }

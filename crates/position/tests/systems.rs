@@ -2,11 +2,11 @@
 //! `obs/matrtklib-static`), against those of an independent solver.
 
 use nalgebra::Vector3;
+use sdr_rx_gnss::NavigationData;
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::format::{rinex_nav, rinex_obs};
 use sdr_rx_gnss::observation::ObservationEpoch;
-use sdr_rx_gnss::NavigationData;
 use sdr_rx_position::{Fix, PositioningOptions, solve_epoch};
 use std::path::{Path, PathBuf};
 
@@ -75,10 +75,35 @@ fn each_system_and_all_together_are_as_good_as_an_independent_solver() -> Result
             let ms = start.elapsed().as_secs_f64() * 1e3 / fixes.len() as f64;
             let error_m = median(fixes.iter().map(|f| (f.position_m - receiver.position_m).norm()));
             let enu = Geodetic::from_ecef(&receiver.position_m).ecef_to_enu();
-            let axis = |k: usize| median(fixes.iter().map(|f| (enu * (f.position_m - receiver.position_m))[k]));
+            let axis = |k: usize| {
+                median(fixes.iter().map(|f| (enu * (f.position_m - receiver.position_m))[k]))
+            };
             let last = fixes.last().unwrap();
-            let offsets: Vec<String> = last.offsets.iter().map(|o| format!("{:?} {:.2}+-{:.2}", o.system, o.offset_s*SPEED_OF_LIGHT, o.sigma_s*SPEED_OF_LIGHT)).collect();
-            println!("{name} {systems}: {} sats {error_m:.2} m ENU {:.2} {:.2} {:.2}, {ms:.2} ms, {:?} {:?} excl {:?} bias {:?} {:?} {}", last.residuals.len(), axis(0), axis(1), axis(2), last.integrity, last.reference, last.excluded, last.clock_bias_s.map(|b| b*SPEED_OF_LIGHT), last.clock_bias_sigma_s.map(|b| b*SPEED_OF_LIGHT), offsets.join(" "));
+            let offsets: Vec<String> = last
+                .offsets
+                .iter()
+                .map(|o| {
+                    format!(
+                        "{:?} {:.2}+-{:.2}",
+                        o.system,
+                        o.offset_s * SPEED_OF_LIGHT,
+                        o.sigma_s * SPEED_OF_LIGHT
+                    )
+                })
+                .collect();
+            println!(
+                "{name} {systems}: {} sats {error_m:.2} m ENU {:.2} {:.2} {:.2}, {ms:.2} ms, {:?} {:?} excl {:?} bias {:?} {:?} {}",
+                last.residuals.len(),
+                axis(0),
+                axis(1),
+                axis(2),
+                last.integrity,
+                last.reference,
+                last.excluded,
+                last.clock_bias_s.map(|b| b * SPEED_OF_LIGHT),
+                last.clock_bias_sigma_s.map(|b| b * SPEED_OF_LIGHT),
+                offsets.join(" ")
+            );
         }
     }
     Ok(())

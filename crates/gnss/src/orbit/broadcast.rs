@@ -1,7 +1,7 @@
 //! Broadcast ephemeris, and satellite position, velocity and clock by it.
 
-use crate::{Constellation, GpsTime, Sv};
 use crate::orbit::system::SystemModel;
+use crate::{Constellation, GpsTime, Sv};
 use nalgebra::{Rotation3, Vector3};
 
 /// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad

@@ -111,7 +111,11 @@ mod tests {
             clock_drift_sps: 9.094947017729e-13,
             position_m: Vector3::new(-1.373688769531e7, -3.309238281250e6, 2.124241259766e7),
             velocity_mps: Vector3::new(-1.554378509521e3, -2.458472251892e3, -1.386628150940e3),
-            acceleration_mps2: Vector3::new(9.313225746155e-7, 1.862645149231e-6, -1.862645149231e-6),
+            acceleration_mps2: Vector3::new(
+                9.313225746155e-7,
+                1.862645149231e-6,
+                -1.862645149231e-6,
+            ),
             health: 0,
             channel: Some(1),
             age_days: 0,

@@ -387,7 +387,10 @@ impl EpochView {
         terms.sort_unstable();
         terms.dedup();
         let of_ranges = 3 + terms.len();
-        [scale(RowKind::Range, of_ranges).clamp(MIN_SCALE, 1.0), scale(RowKind::RangeRate, 1).max(1.0)]
+        [
+            scale(RowKind::Range, of_ranges).clamp(MIN_SCALE, 1.0),
+            scale(RowKind::RangeRate, 1).max(1.0),
+        ]
     }
 }
 

@@ -60,7 +60,8 @@ pub fn solve_static(
                 own[DRIFT] = fix.clock_drift_sps.unwrap_or(0.0) * SPEED_OF_LIGHT;
                 for clock in set.iter().map(|s| clock_of(s.sv())) {
                     let offset = fix.offsets.iter().find(|o| o.system == system_of(clock));
-                    let bias_s = fix.clock_bias_s.unwrap_or(0.0) + offset.map_or(0.0, |o| o.offset_s);
+                    let bias_s =
+                        fix.clock_bias_s.unwrap_or(0.0) + offset.map_or(0.0, |o| o.offset_s);
                     own[bias(clock)] = bias_s * SPEED_OF_LIGHT;
                 }
                 let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };

@@ -69,8 +69,14 @@ fn covariance_is_that_of_a_monte_carlo() {
         .iter()
         .map(|o| {
             let ephemeris = nav.nearest(o.sv(), truth.time).unwrap();
-            let predicted =
-                Predicted::new(ephemeris, L1_CENTRE_HZ, &truth.position_m, truth.time, &nav, &options);
+            let predicted = Predicted::new(
+                ephemeris,
+                L1_CENTRE_HZ,
+                &truth.position_m,
+                truth.time,
+                &nav,
+                &options,
+            );
             o.range_sigma_m.hypot(predicted.range_sigma_m)
         })
         .collect();

@@ -73,7 +73,9 @@ pub fn solve_snapshot(
     options: &PositioningOptions,
 ) -> Result<Fix, PositioningError> {
     if options.time_uncertainty_s > SEARCHED_S {
-        return solve_blind(epoch, nav, options);
+        let mut epoch = epoch.clone();
+        epoch.observations.retain(|o| options.systems.contains(o.sv().constellation()));
+        return solve_blind(&epoch, nav, options);
     }
     let time = epoch.receive_time;
     let (sightings, dropped) =
