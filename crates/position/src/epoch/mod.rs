@@ -436,4 +436,6 @@ const REGION_M: f64 = 50e3;
 const DISTINCT_M: f64 = 1e3;
 
 #[cfg(test)]
+mod system_tests;
+#[cfg(test)]
 mod tests;

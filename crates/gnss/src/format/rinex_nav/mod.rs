@@ -205,4 +205,6 @@ fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, ReadError> 
 }
 
 #[cfg(test)]
+mod system_tests;
+#[cfg(test)]
 mod tests;
