@@ -9,7 +9,8 @@ use sdr_rx_gnss::{Constellation, Ephemeris, Transmission};
 /// The constellation with satellites of another system in place of those that `others` chooses.
 fn mixed(system: Constellation, others: impl Fn(u8) -> bool) -> NavigationData {
     let gps = navigation_data();
-    let mut nav = NavigationData { ionosphere: gps.ionosphere, ..NavigationData::default() };
+    let mut nav = NavigationData::default();
+    nav.ionosphere = gps.ionosphere;
     for ephemeris in gps.iter() {
         let number = ephemeris.sv.number();
         let sv = Sv::new(system, number).filter(|_| others(number)).unwrap_or(ephemeris.sv);
