@@ -79,12 +79,20 @@ pub(crate) struct Measured {
     pub noise: f64,
     /// Standard deviation of the prediction, which lasts from epoch to epoch.
     pub model: f64,
+    /// The part of the prediction's error that satellites share, of unit variance in each axis: what is left of the
+    /// ionosphere is smooth over the sky, taken as correlated by the cosine of the angle between two satellites.
+    pub shared: Vector3<f64>,
 }
 
 impl Measured {
     /// Standard deviation of observed minus computed.
     pub fn sigma(&self) -> f64 {
         self.noise.hypot(self.model)
+    }
+
+    /// Standard deviation of the prediction but for the shared part.
+    pub fn own_model(&self) -> f64 {
+        (self.model * self.model - self.shared.norm_squared()).max(0.0).sqrt()
     }
 
     /// The linearised row, with its weight by a loss and all terms after `first_term`.
@@ -205,6 +213,7 @@ impl<'a> Adjustment<'a> {
                     residual: range_m - predicted.range_m - at.clocks[term],
                     noise: sighting.observation.range_sigma_m,
                     model: predicted.range_sigma_m,
+                    shared: predicted.direction * predicted.ionosphere_sigma_m,
                 });
                 let rate = sighting.range_rate().map(|(rate, noise)| Measured {
                     satellite,
@@ -214,6 +223,7 @@ impl<'a> Adjustment<'a> {
                     residual: rate - predicted.range_rate(&Vector3::zeros(), at.clocks[DRIFT]),
                     noise,
                     model: predicted.rate_sigma_mps,
+                    shared: Vector3::zeros(),
                 });
                 [range, rate].into_iter().flatten().filter(move |row| observable.contains(row.kind))
             },
@@ -265,13 +275,26 @@ impl<'a> Adjustment<'a> {
         if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
             return Err(PositioningError::ImplausibleRadius { radius_m });
         }
-        // Of the estimate with these weights, by the standard deviations as they were.
-        let variances = view.weighted().map(|(row, _)| scales[row.kind as usize].powi(-2));
-        let variances: Vec<f64> = variances.chain([1.0]).collect();
-        let influences = system.influences().zip(&variances);
-        let covariance: Matrix3<f64> = influences.map(|(g, v)| g * g.transpose() * *v).sum();
+        // Of the estimate with these weights, by the standard deviations as they were: each row's own error and its part
+        // of the shared one, over the row's standard deviation.
+        let errors = view.weighted().map(|(row, _)| {
+            let by = 1.0 / (row.sigma() * scales[row.kind as usize]);
+            (row.noise.hypot(row.own_model()) * by, row.shared * by)
+        });
+        let errors: Vec<(f64, Vector3<f64>)> = errors.chain([(1.0, Vector3::zeros())]).collect();
+        let (mut own, mut shared) = (Matrix3::zeros(), Matrix3::zeros());
+        for (g, (error, common)) in system.influences().zip(&errors) {
+            own += g * g.transpose() * (error * error);
+            shared += g * common.transpose();
+        }
+        let covariance: Matrix3<f64> = own + shared * shared.transpose();
         let spread = |influences: &mut dyn Iterator<Item = f64>| {
-            influences.zip(&variances).map(|(g, v)| g * g * v).sum::<f64>().sqrt()
+            let (mut own, mut shared) = (0.0, Vector3::zeros());
+            for (g, (error, common)) in influences.zip(&errors) {
+                own += (g * error).powi(2);
+                shared += g * common;
+            }
+            (own + shared.norm_squared()).sqrt()
         };
         // Of those with weight.
         let is_observed = |clock: &usize| {
@@ -296,7 +319,7 @@ impl<'a> Adjustment<'a> {
                 }
             })
             .collect();
-        let rows = variances.len() - usize::from(self.options.height.is_none());
+        let rows = errors.len() - usize::from(self.options.height.is_none());
         let mut terms: Vec<usize> = view.rows.iter().map(|row| row.term).collect();
         terms.sort_unstable();
         terms.dedup();

@@ -23,6 +23,8 @@ pub(crate) struct Predicted {
     pub range_m: f64,
     /// Standard deviation of that prediction, m.
     pub range_sigma_m: f64,
+    /// The part of it by the ionosphere, m, whose errors neighbouring satellites share.
+    pub ionosphere_sigma_m: f64,
     /// Rate of the geometric range for a receiver at rest, m/s (see [`Predicted::range_rate`]).
     static_rate_mps: f64,
     /// Rate of what the atmosphere adds to the carrier's range, m/s.
@@ -106,6 +108,7 @@ impl Predicted {
                 + ionosphere_m.unwrap_or(0.0)
                 + troposphere_m,
             range_sigma_m,
+            ionosphere_sigma_m: ionosphere_sigma,
             static_rate_mps,
             atmosphere_rate_mps,
             rate_sigma_mps: RATE_SIGMA_MPS.hypot(atmosphere_rate_mps),

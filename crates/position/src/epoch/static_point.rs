@@ -5,7 +5,8 @@
 //! least squares eliminate: there are three unknowns however many epochs.
 //!
 //! Thermal noise averages out over the epochs; what is wrong with a satellite's orbit, clock and delays does
-//! not. The covariance takes the first as independent and the second as one constant per satellite: with
+//! not. The covariance takes the first as independent and the second as one constant per satellite (and of the ionosphere
+//! as shared by neighbours, as that of an epoch does): with
 //! `g_i` what a residual does to the position, `sum (g_i noise_i)(g_i noise_i)' + sum_s G_s G_s'`, where `G_s`
 //! is the sum of `g_i model_i` over the rows of a satellite.
 
@@ -138,13 +139,16 @@ impl Together<'_> {
     /// Covariance of the position, ECEF, m^2.
     fn covariance(&self, view: &[Seen], system: &LeastSquares<3, 4>) -> Matrix3<f64> {
         let mut covariance = Matrix3::zeros();
+        let mut shared: Matrix3<f64> = Matrix3::zeros();
         let mut lasting: BTreeMap<(Sv, RowKind), Vector3<f64>> = BTreeMap::new();
         let mut influences = system.influences();
         for (Seen { sv, row, linear }, influence) in view.iter().zip(&mut influences) {
             let by = influence * linear.weight;
             covariance += by * by.transpose() * row.noise.powi(2);
-            *lasting.entry((*sv, row.kind)).or_default() += by * row.model;
+            *lasting.entry((*sv, row.kind)).or_default() += by * row.own_model();
+            shared += by * row.shared.transpose();
         }
+        covariance += shared * shared.transpose();
         // What is left is of the prior.
         influences.chain(lasting.into_values()).fold(covariance, |sum, g| sum + g * g.transpose())
     }
