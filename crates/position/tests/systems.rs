@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
 use sdr_rx_gnss::format::{rinex_nav, rinex_obs};
-use sdr_rx_gnss::observation::ObservationEpoch;
+use sdr_rx_gnss::observation::{CodeRange, ObservationEpoch};
 use sdr_rx_gnss::{Constellation, NavigationData};
 use sdr_rx_position::{Fix, PositioningOptions, solve_epoch};
 use std::path::{Path, PathBuf};
@@ -140,5 +140,30 @@ fn offsets_between_systems_agree_with_an_independent_solver_and_with_each_system
             }
         }
     }
+    Ok(())
+}
+
+/// Two of 42 satellites are wrong by hundreds of metres: 12 341 sets without up to three of them are judged.
+#[test]
+fn two_faults_among_all_satellites_are_excluded() -> Result<(), Failed> {
+    let Some(folder) = folder() else { return Ok(()) };
+    let receiver = Receiver::read(&folder, "rover")?;
+    let options = options("G,J,E,C,R")?;
+    let good = solve_epoch(&receiver.epochs[0], &receiver.navigation, &options)?;
+    let faulty = ["G05", "E11"];
+    let mut epoch = receiver.epochs[0].clone();
+    for o in epoch.observations.iter_mut().filter(|o| faulty.contains(&&*o.sv().to_string())) {
+        if let Some(CodeRange::Pseudorange(range_m)) = &mut o.range {
+            *range_m += 300.0;
+        }
+    }
+    let start = std::time::Instant::now();
+    let fix = solve_epoch(&epoch, &receiver.navigation, &options)?;
+    println!("two faults of {}: {:?}", good.residuals.len(), start.elapsed());
+    let excluded: Vec<String> = fix.excluded.iter().map(ToString::to_string).collect();
+    assert_eq!(excluded, faulty);
+    // What two of 42 satellites weigh: by far less than the standard deviation.
+    let moved_m = (fix.position_m - good.position_m).norm();
+    assert!(moved_m < good.covariance.trace().sqrt(), "{moved_m} m");
     Ok(())
 }
