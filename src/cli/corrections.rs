@@ -4,7 +4,7 @@ use super::input::si_number;
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 use sdr_rx::gnss::atmosphere::Troposphere;
-use sdr_rx::position::{Observable, PositioningOptions, Solver};
+use sdr_rx::position::{Observable, PositioningOptions, Solver, Systems};
 
 /// What positions are solved from and how, corrections of the ranges, and elevation mask.
 #[derive(Args, Clone, Debug)]
@@ -16,6 +16,9 @@ pub struct Corrections {
     /// takes over
     #[arg(long, value_name = "NAME", default_value = "aw-dgn-bt", help_heading = "Position")]
     solver: Solver,
+    /// Satellite systems to use, by their letters in RINEX: G GPS, J QZSS, E Galileo, C BeiDou, R GLONASS, S SBAS
+    #[arg(long, value_name = "G,E,...", default_value_t = Systems::ALL, help_heading = "Position")]
+    systems: Systems,
     /// Troposphere model
     #[arg(long, value_name = "MODEL", default_value = "saastamoinen", help_heading = "Position")]
     troposphere: TroposphereArg,
@@ -88,6 +91,7 @@ impl Corrections {
                 ObservableArg::Both => Observable::Both,
             },
             solver: self.solver,
+            systems: self.systems,
             max_height_m: self.max_height,
             user_speed_mps: self.user_speed,
             troposphere: match self.troposphere {

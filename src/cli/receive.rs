@@ -274,6 +274,7 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "dll_hz": options.tracking.dll_hz,
         "interval_s": options.interval_s,
         "observable": options.positioning.observable,
+        "systems": options.positioning.systems.to_string(),
         "solver": options.positioning.solver.to_string(),
         "troposphere": options.positioning.troposphere,
         "elevation_mask_deg": options.positioning.elevation_mask.to_degrees(),

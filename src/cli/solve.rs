@@ -8,7 +8,6 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use sdr_rx::gnss::Constellation;
 use sdr_rx::gnss::coordinates::Geodetic;
 use sdr_rx::gnss::format::rinex_obs::{self, ObservationHeader};
 use sdr_rx::gnss::format::{rinex_nav, sp3};
@@ -27,7 +26,7 @@ use std::process::ExitCode;
 /// Epochs that are read and then solved together, on all processors.
 const CHUNK: usize = 256;
 
-/// Positions from RINEX observations (versions 2 to 4, compact or not; GPS and QZSS L1 C/A)
+/// Positions from RINEX observations (versions 2 to 4, compact or not; L1 of GPS, QZSS, Galileo, BeiDou, GLONASS)
 ///
 /// From the Earth's centre, epoch by epoch, with broadcast or SP3 orbits. Files may be packed by gzip or compress. What `sdr-rx process
 /// signals/static_8sv.toml --out fix` writes are such files:
@@ -45,9 +44,6 @@ pub(super) struct Solve {
     /// Precise orbits and clocks, used instead of broadcast ones while they are valid
     #[arg(long, value_name = "FILE")]
     sp3: Vec<PathBuf>,
-    /// Systems whose satellites are used, by their letters in RINEX, such as G,J,E [default: all that are read]
-    #[arg(long, value_name = "LETTERS", value_parser = systems, help_heading = "Position")]
-    systems: Option<Systems>,
     /// The receiver is at rest: one position from all epochs
     #[arg(long = "static", help_heading = "Position")]
     at_rest: bool,
@@ -162,7 +158,7 @@ impl Solve {
             warnings.extend(file.left_out.kinds().iter().map(ToString::to_string));
             if file.data.is_empty() {
                 warnings.push(format!(
-                    "{}: no ephemeris of GPS or QZSS is in it; {} records of other systems were skipped",
+                    "{}: no ephemeris is in it that is known here; {} other records were skipped",
                     path.display(),
                     file.skipped
                 ));
@@ -236,9 +232,9 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
     }
     let options = args.options()?;
     let mut told = Vec::new();
-    let navigation = args.navigation(&mut told)?;
+    let mut navigation = args.navigation(&mut told)?;
     navigation.utc.iter().for_each(UtcParameters::announce);
-    let (header, solved) = solve(args, &navigation, &options)?;
+    let (header, solved) = solve(args, &mut navigation, &options)?;
     let reason = match solved.refused.first() {
         _ if !solved.fixes.is_empty() => None,
         Some((_, error)) => Some(error.to_string()),
@@ -284,6 +280,7 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
         options: serde_json::json!({
             "observable": options.observable,
             "solver": options.solver.to_string(),
+            "systems": options.systems.to_string(),
             "static": args.at_rest,
             "robust": options.robust,
             "exclusion": options.exclusion,
@@ -312,19 +309,16 @@ pub fn run(args: &Solve) -> anyhow::Result<ExitCode> {
 /// Reads the file and solves its epochs.
 fn solve(
     args: &Solve,
-    navigation: &NavigationData,
+    navigation: &mut NavigationData,
     options: &PositioningOptions,
 ) -> anyhow::Result<(ObservationHeader, Solved)> {
     let mut reader = rinex_obs::open(&args.observations)?;
+    navigation.glonass_channels.extend(reader.header().glonass_channels.clone());
+    let navigation = &*navigation;
     let bar = bar(&args.observations);
     let mut solved = Solved::default();
     loop {
-        let mut chunk: Vec<ObservationEpoch> =
-            reader.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
-        if let Some(Systems(asked)) = &args.systems {
-            let of_all = chunk.iter_mut().map(|epoch| &mut epoch.observations);
-            of_all.for_each(|list| list.retain(|o| asked.contains(&o.sv().constellation())));
-        }
+        let chunk: Vec<ObservationEpoch> = reader.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
         if chunk.is_empty() {
             break;
         }
@@ -360,7 +354,7 @@ fn solve(
     }
     if reader.skipped() > 0 {
         solved.warnings.push(format!(
-            "{} observations were skipped: satellites of other systems, or without code and Doppler of L1 C/A or E1",
+            "{} satellites of epochs were skipped: of other systems, or without code and Doppler on L1",
             reader.skipped()
         ));
     }
@@ -398,23 +392,6 @@ fn solve_chunk(
     }
 }
 
-/// Satellite systems.
-#[derive(Clone, Debug, PartialEq)]
-struct Systems(Vec<Constellation>);
-
-fn systems(text: &str) -> Result<Systems, String> {
-    let read = [Constellation::Gps, Constellation::Qzss, Constellation::Galileo];
-    let named = |letter: &str| {
-        let system = read.into_iter().find(|system| letter.chars().eq([system.letter()]));
-        system.ok_or(format!("'{letter}' is no system that is read: write G, J or E, such as G,E"))
-    };
-    text.to_ascii_uppercase()
-        .split(',')
-        .map(|letter| named(letter.trim()))
-        .collect::<Result<_, _>>()
-        .map(Systems)
-}
-
 /// A progress bar on a terminal, nothing elsewhere.
 fn bar(path: &Path) -> ProgressBar {
     let bytes = std::fs::metadata(path).map(|m| m.len()).ok();
@@ -431,9 +408,6 @@ mod tests {
 
     #[test]
     fn positions_and_heights_are_read() {
-        let two = systems("g, E").unwrap();
-        assert_eq!(two, Systems(vec![Constellation::Gps, Constellation::Galileo]));
-        assert!(systems("C").is_err() && systems("").is_err() && systems("GE").is_err());
         let munich = position("48.5, 11.5,560").unwrap();
         assert_eq!((munich.latitude.to_degrees(), munich.height), (48.5, 560.0));
         assert_eq!(height("-20:0.5"), Ok(Height { height_m: -20.0, sigma_m: 0.5 }));

@@ -8,7 +8,7 @@ use crate::front_end::{ImpulseReport, Interferer};
 use crate::gnss::Sv;
 use crate::gnss::coordinates::Geodetic;
 use crate::gnss::message::sbas;
-use crate::position::{Doubt, Fix, FixMethod, Integrity, ProtectionLevel};
+use crate::position::{Doubt, Fix, FixMethod, Integrity, InterSystemOffset, ProtectionLevel};
 use serde::Serialize;
 
 /// The whole record of a run.
@@ -93,14 +93,6 @@ struct FailedSolverRecord {
     cause: String,
 }
 
-/// By its letter in RINEX.
-#[derive(Clone, Debug, Serialize)]
-struct SystemOffsetRecord {
-    system: char,
-    offset_s: f64,
-    sigma_s: f64,
-}
-
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FixRecord {
     gps_week: i32,
@@ -118,10 +110,13 @@ pub(super) struct FixRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     clock_bias_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    clock_drift_sps: Option<f64>,
-    /// Clocks of further systems against that of the first.
+    clock_bias_sigma_s: Option<f64>,
+    /// Letter of the system whose time the bias is against, and the other systems' clocks against its one.
+    reference_system: char,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    system_offsets: Vec<SystemOffsetRecord>,
+    system_offsets: Vec<OffsetRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock_drift_sps: Option<f64>,
     satellites: Vec<Sv>,
     method: FixMethod,
     /// The solver that led from the Earth's centre to where the full model started, and its iterations.
@@ -159,6 +154,21 @@ pub(super) struct FixRecord {
     excluded: Vec<Sv>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     unused: Vec<UnusedRecord>,
+}
+
+/// The receiver's clock against a system's time less that against the reference's.
+#[derive(Clone, Debug, Serialize)]
+struct OffsetRecord {
+    system: char,
+    offset_s: f64,
+    sigma_s: f64,
+}
+
+impl OffsetRecord {
+    fn new(offset: &InterSystemOffset) -> Self {
+        let &InterSystemOffset { system, offset_s, sigma_s } = offset;
+        Self { system: system.letter(), offset_s, sigma_s }
+    }
 }
 
 /// A satellite that was not used.
@@ -269,14 +279,10 @@ impl FixRecord {
             ecef_m: fix.position_m.into(),
             velocity_mps: fix.velocity_mps.map(Into::into),
             clock_bias_s: fix.clock_bias_s,
+            clock_bias_sigma_s: fix.clock_bias_sigma_s,
+            reference_system: fix.reference.letter(),
+            system_offsets: fix.offsets.iter().map(OffsetRecord::new).collect(),
             clock_drift_sps: fix.clock_drift_sps,
-            system_offsets: (fix.system_offsets.iter())
-                .map(|o| SystemOffsetRecord {
-                    system: o.system.letter(),
-                    offset_s: o.offset_s,
-                    sigma_s: o.sigma_s,
-                })
-                .collect(),
             satellites: fix.residuals.iter().map(|r| r.sv).collect(),
             method: fix.method,
             solver: fix.start.solver,

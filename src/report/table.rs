@@ -5,7 +5,7 @@ use crate::acquisition::Acquisition;
 use crate::front_end::Interferer;
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::coordinates::Geodetic;
-use crate::position::{Doubt, Fix, Integrity};
+use crate::position::{Doubt, Fix, Integrity, InterSystemOffset};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write;
 
@@ -125,6 +125,17 @@ pub fn fix_table(run: &Run) -> String {
         "sigma",
         format!("east {:.2} north {:.2} up {:.2} m (1 sigma, last)", sigma(0), sigma(1), sigma(2)),
     );
+    if !last.offsets.is_empty() {
+        let offset = |o: &InterSystemOffset| {
+            let [offset_m, sigma_m] = [o.offset_s, o.sigma_s].map(|s| s * SPEED_OF_LIGHT);
+            format!("{} {offset_m:+.2} m (sigma {sigma_m:.2})", o.system.letter())
+        };
+        let offsets: Vec<String> = last.offsets.iter().map(offset).collect();
+        line(
+            "clocks",
+            format!("against {}: {} (last)", last.reference.letter(), offsets.join(", ")),
+        );
+    }
     if let Some(level) = last.protection {
         line(
             "protection",
@@ -176,18 +187,6 @@ pub fn fix_table(run: &Run) -> String {
             s.pdop, last.hdop, last.vdop
         ),
     );
-    for offset in &last.system_offsets {
-        let metres = |s: f64| s * SPEED_OF_LIGHT;
-        line(
-            "systems",
-            format!(
-                "{:?} {:+.2} m (sigma {:.2}) against the first (last)",
-                offset.system,
-                metres(offset.offset_s),
-                metres(offset.sigma_s)
-            ),
-        );
-    }
     if let (Input::Samples(_), Some(clocks)) = (run.input, Oscillators::new(run.fixes)) {
         line(
             "oscillator",

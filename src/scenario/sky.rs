@@ -121,11 +121,11 @@ impl Scenario {
     /// Ephemerides of the satellites to simulate, all valid at the start.
     fn chosen(&self, data: &NavigationData) -> Result<Vec<Ephemeris>, ScenarioError> {
         let Some(list) = &self.satellites else {
-            let sending = data.satellites().filter(|sv| self.sends(sv.constellation()));
+            let sending = || data.satellites().filter(|sv| self.sends(sv.constellation()));
             let valid: Vec<Ephemeris> =
-                sending.filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
+                sending().filter_map(|sv| data.ephemeris(sv, self.start).cloned()).collect();
             // A file of another day: reported for the first satellite.
-            return match (valid.is_empty(), data.satellites().next()) {
+            return match (valid.is_empty(), sending().next()) {
                 (true, Some(sv)) => self.ephemeris(data, sv).map(|e| vec![e]),
                 _ => Ok(valid),
             };

@@ -10,7 +10,7 @@ use sdr_rx::gnss::format::rinex_nav;
 use sdr_rx::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx::gnss::orbit::Propagation;
 use sdr_rx::gnss::signal::{self, L1_CENTRE_HZ, L1_WAVELENGTH};
-use sdr_rx::gnss::{GpsTime, NavigationData, Sv};
+use sdr_rx::gnss::{Constellation, GpsTime, NavigationData, Sv};
 use sdr_rx::position::{Fix, FixMethod, FixStart, Integrity, ProtectionLevel, Residual};
 use sdr_rx::report::{Input, Run};
 use std::path::Path;
@@ -123,9 +123,10 @@ fn fix(navigation: &NavigationData, epoch: &ObservationEpoch) -> Fix {
         position_m: TRUTH_M + to_enu.transpose() * Vector3::new(side, 0.0, 0.0),
         velocity_mps: Some(to_enu.transpose() * Vector3::new(0.0, 2.0, 0.0)),
         clock_bias_s: Some(0.0),
+        reference: Constellation::Gps,
+        offsets: Vec::new(),
         clock_drift_sps: Some(0.0),
         covariance: Matrix3::identity(),
-        system_offsets: Vec::new(),
         clock_bias_sigma_s: Some(3e-9),
         pdop: 2.0,
         hdop: 1.2,

@@ -23,6 +23,7 @@ pub use format::ReadError;
 pub use navigation_data::NavigationData;
 pub use orbit::Orbit;
 pub use orbit::broadcast::{Ephemeris, SatelliteState};
+pub use orbit::glonass::GlonassEphemeris;
 pub use satellite::{Constellation, Sv};
 pub use signal::{Signal, Transmission};
 pub use time::GpsTime;
@@ -37,6 +38,9 @@ pub mod constants {
     pub const MU_EARTH_GALILEO: f64 = 3.986_004_418e14;
     /// WGS 84 rotation rate of the Earth, rad/s (IS-GPS-200N table 20-IV; Galileo OS SIS ICD 2.1, 5.1.1).
     pub const OMEGA_EARTH: f64 = 7.292_115_146_7e-5;
+    /// The same of BeiDou (CGCS2000, BDS-SIS-ICD-B1I-3.0 table 5-11) and of GLONASS (PZ-90.11, ICD L1, L2 edition 5.1
+    /// table 3.2), rad/s.
+    pub const OMEGA_EARTH_BEIDOU: f64 = 7.292_115e-5;
     /// Ratio used by the GPS control segment for pi (IS-GPS-200N 20.3.3.4.3): semicircle in rad.
     #[expect(
         clippy::approx_constant,

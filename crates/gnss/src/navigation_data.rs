@@ -3,8 +3,9 @@
 use crate::atmosphere::Klobuchar;
 use crate::galileo_data::GalileoData;
 use crate::orbit::NoOrbit;
+use crate::orbit::glonass::HALF_INTERVAL_S;
 use crate::orbit::precise::PreciseOrbit;
-use crate::{Ephemeris, GpsTime, Orbit, Sv};
+use crate::{Constellation, Ephemeris, GlonassEphemeris, GpsTime, Orbit, Sv};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub use crate::utc::UtcParameters;
@@ -14,6 +15,10 @@ pub use crate::utc::UtcParameters;
 pub struct NavigationData {
     /// Ephemerides of each satellite, in the order of `t_oe`.
     ephemerides: BTreeMap<Sv, Vec<Ephemeris>>,
+    /// Ephemerides of each satellite of GLONASS, in the order of `t_b`.
+    glonass: BTreeMap<Sv, Vec<GlonassEphemeris>>,
+    /// Frequency channels of satellites of GLONASS, as observation files state them.
+    pub glonass_channels: BTreeMap<Sv, i8>,
     /// Precise orbits of each satellite, as of SP3 files.
     precise: BTreeMap<Sv, PreciseOrbit>,
     /// Ionosphere model, if known.
@@ -44,6 +49,15 @@ impl NavigationData {
         list.insert(at, ephemeris);
     }
 
+    /// Adds an ephemeris of GLONASS; one of the same time and health as a known one changes nothing.
+    pub fn insert_glonass(&mut self, ephemeris: GlonassEphemeris) {
+        let list = self.glonass.entry(ephemeris.sv).or_default();
+        if list.iter().all(|e| (e.tb, e.health) != (ephemeris.tb, ephemeris.health)) {
+            let at = list.partition_point(|e| e.tb <= ephemeris.tb);
+            list.insert(at, ephemeris);
+        }
+    }
+
     /// Adds all of `other`; its ionosphere and UTC parameters replace ours where it has them.
     pub fn merge(&mut self, other: Self) {
         self.ionosphere = other.ionosphere.or(self.ionosphere);
@@ -51,6 +65,8 @@ impl NavigationData {
         self.alerts.extend(other.alerts);
         self.galileo.merge(other.galileo);
         other.ephemerides.into_values().flatten().for_each(|e| self.insert(e));
+        other.glonass.into_values().flatten().for_each(|e| self.insert_glonass(e));
+        self.glonass_channels.extend(other.glonass_channels);
         other.precise.into_iter().for_each(|(sv, orbit)| self.insert_precise(sv, orbit));
     }
 
@@ -65,6 +81,9 @@ impl NavigationData {
     /// # Errors
     /// [`NoOrbit`]: why there is none.
     pub fn orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
+        if sv.constellation() == Constellation::Glonass {
+            return self.glonass_orbit(sv, t);
+        }
         let (nearest, in_force) = (self.nearest(sv, t), self.ephemeris(sv, t));
         // An upload moves t_oe by some seconds, and may change the health alone.
         let same_time =
@@ -85,6 +104,28 @@ impl NavigationData {
                 None => Err(NoOrbit::Unknown),
             },
         }
+    }
+
+    fn glonass_orbit(&self, sv: Sv, t: GpsTime) -> Result<Orbit<'_>, NoOrbit> {
+        // Of two of one time the later: its health is the newer one.
+        let all = self.glonass.get(&sv).into_iter().flatten().rev();
+        let distance = |e: &&GlonassEphemeris| (t - e.tb).abs();
+        let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        match nearest {
+            None => Err(NoOrbit::Unknown),
+            Some(e) if distance(&e) > HALF_INTERVAL_S + 60.0 => {
+                Err(NoOrbit::Stale(distance(&e) / 3600.0))
+            }
+            Some(e) if !e.is_healthy() => Err(NoOrbit::Unhealthy(e.health)),
+            Some(e) => Ok(e.into()),
+        }
+    }
+
+    /// The frequency channel of a satellite of GLONASS: as an observation file states it, else as its ephemerides do;
+    /// none where neither does.
+    pub fn frequency_channel(&self, sv: Sv) -> Option<i8> {
+        let sent = || self.glonass.get(&sv)?.iter().rev().find_map(|e| e.channel);
+        self.glonass_channels.get(&sv).copied().or_else(sent)
     }
 
     /// The ephemeris of `sv` whose `t_oe` is nearest to `t`, if `t` is inside its curve-fit interval.
@@ -114,19 +155,24 @@ impl NavigationData {
         some.min_by(|a, b| age(a).total_cmp(&age(b)))
     }
 
-    /// All broadcast ephemerides, by satellite and then `t_oe`.
+    /// All broadcast ephemerides but those of GLONASS, by satellite and then `t_oe`.
     pub fn iter(&self) -> impl Iterator<Item = &Ephemeris> {
         self.ephemerides.values().flatten()
     }
 
+    /// All ephemerides of GLONASS, by satellite and then `t_b`.
+    pub fn glonass(&self) -> impl Iterator<Item = &GlonassEphemeris> {
+        self.glonass.values().flatten()
+    }
+
     /// Satellites with at least one broadcast ephemeris.
     pub fn satellites(&self) -> impl Iterator<Item = Sv> {
-        self.ephemerides.keys().copied()
+        self.ephemerides.keys().chain(self.glonass.keys()).copied()
     }
 
     /// Whether no broadcast ephemeris is known.
     pub fn is_empty(&self) -> bool {
-        self.ephemerides.is_empty()
+        self.ephemerides.is_empty() && self.glonass.is_empty()
     }
 }
 

@@ -87,6 +87,11 @@ impl Sv {
         self.number + self.constellation.naming().2
     }
 
+    /// Whether it is a geostationary satellite of BeiDou.
+    pub fn is_beidou_geo(self) -> bool {
+        self.constellation == Constellation::BeiDou && is_beidou_geo(self.number)
+    }
+
     /// Its number in RINEX: 2 of J02.
     pub fn number(self) -> u8 {
         self.number
@@ -96,6 +101,11 @@ impl Sv {
     pub fn constellation(self) -> Constellation {
         self.constellation
     }
+}
+
+/// Whether the BeiDou satellite of this number is geostationary (BDS-SIS-ICD-B1I-3.0 table 4-1).
+pub(crate) const fn is_beidou_geo(number: u8) -> bool {
+    matches!(number, 1..=5 | 59..=63)
 }
 
 /// RINEX name: `G07`, `J02` (PRN 194), `S20` (PRN 120).

@@ -33,6 +33,8 @@ pub enum DropReason {
         /// Points needed.
         needed: usize,
     },
+    /// Its signal has frequency channels, and neither the observation file nor an ephemeris says which it is on.
+    UnknownChannel,
     /// Its C/N0, dB-Hz, is below what tells a signal from noise.
     Weak(f64),
     /// The satellite is below the elevation mask, at this elevation in rad.
@@ -52,7 +54,8 @@ impl fmt::Display for DropReason {
             Self::TooFewPoints { points, needed } => {
                 write!(f, "{points} points of its precise orbit, {needed} are needed")
             }
-            Self::NoAccuracy => write!(f, "predicts no accuracy (URA index 15)"),
+            Self::NoAccuracy => write!(f, "predicts no accuracy (URA index 15, or no SISA)"),
+            Self::UnknownChannel => write!(f, "its frequency channel is not known"),
             Self::Weak(cn0_dbhz) => write!(f, "only {cn0_dbhz:.0} dB-Hz"),
             Self::BelowMask(elevation) => {
                 write!(f, "below the mask at {:.1} deg", elevation.to_degrees())
@@ -86,7 +89,7 @@ pub struct Dropped {
 /// Why no position was found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PositioningError {
-    /// Fewer satellites than unknowns are left.
+    /// Fewer satellites than unknowns are left: three, and one for each system's time.
     #[error("{usable} usable satellites, a position needs {needed}{}", list(dropped))]
     TooFewSatellites {
         /// Satellites that could be used.

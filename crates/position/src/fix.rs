@@ -76,18 +76,6 @@ impl ProtectionLevel {
     }
 }
 
-/// The bias of the receiver's clock by the ranges of a system, less that by those of the first system: the offset of the
-/// systems' times, first less other, and of the receiver's delays of their signals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SystemOffset {
-    /// The system.
-    pub system: Constellation,
-    /// Offset, s.
-    pub offset_s: f64,
-    /// Its standard deviation, s.
-    pub sigma_s: f64,
-}
-
 /// What a satellite contributed to a fix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residual {
@@ -153,6 +141,18 @@ pub struct TimeSearch {
     pub false_expected: f64,
 }
 
+/// Receiver clock against the time of a satellite system less that against the time of the reference, as its ranges
+/// have them: the difference of both times, and of the receiver's delays of their signals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InterSystemOffset {
+    /// The system.
+    pub system: Constellation,
+    /// The offset, s.
+    pub offset_s: f64,
+    /// Its standard deviation, s.
+    pub sigma_s: f64,
+}
+
 /// A position solution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fix {
@@ -164,12 +164,14 @@ pub struct Fix {
     pub position_m: Vector3<f64>,
     /// Velocity, m/s, ECEF, if Dopplers gave it.
     pub velocity_mps: Option<Vector3<f64>>,
-    /// Receiver clock minus GPS time, s, or minus the time of the first system in the order GPS, Galileo, BeiDou, GLONASS
-    /// of which ranges were used (against the epoch's nominal receive time); none where
+    /// Receiver clock minus the time of the reference system in terms of GPS time, s (against the epoch's nominal receive time); none where
     /// Dopplers alone were used.
     pub clock_bias_s: Option<f64>,
-    /// Clocks of further systems against that of the first, where ranges of both were used.
-    pub system_offsets: Vec<SystemOffset>,
+    /// The system whose time the bias is against: GPS, to which QZSS and SBAS belong, if one of its satellites is used,
+    /// else Galileo, BeiDou, GLONASS.
+    pub reference: Constellation,
+    /// The other systems that are used.
+    pub offsets: Vec<InterSystemOffset>,
     /// Rate of the receiver clock, s/s.
     pub clock_drift_sps: Option<f64>,
     /// Covariance of the position (east, north, up), m^2.

@@ -28,11 +28,11 @@ pub use epoch::static_point::solve_static;
 pub use epoch::{Candidates, candidates, solve_epoch, solve_traced};
 pub use error::{DropReason, Dropped, PositioningError};
 pub use fix::{
-    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, ProtectionLevel,
-    Residual, TimeSearch,
+    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, InterSystemOffset,
+    ProtectionLevel, Residual, TimeSearch,
 };
 pub use loss::Robust;
-pub use options::{Exclusion, Height, Observable, PositioningOptions};
+pub use options::{Exclusion, Height, Observable, ParseSystemsError, PositioningOptions, Systems};
 pub use place::Place;
 pub use problem::{Row, RowKind, Satellite, Seen};
 pub use snapshot::solve_snapshot;

@@ -2,7 +2,10 @@
 
 use super::loss::Robust;
 use super::solver::Solver;
+use sdr_rx_gnss::Constellation;
 use sdr_rx_gnss::atmosphere::Troposphere;
+use std::fmt;
+use std::str::FromStr;
 
 /// Options of position solutions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +17,8 @@ pub struct PositioningOptions {
     /// Satellites below this C/N0, dB-Hz, are not used: what a receiver reports below 28 dB-Hz may be noise. None where
     /// the receiver's own tests of lock and parity tell.
     pub min_cn0_dbhz: Option<f64>,
+    /// Systems whose satellites are used.
+    pub systems: Systems,
     /// What an epoch is solved from.
     pub observable: Observable,
     /// The solver that comes from the Earth's centre to the region of the receiver.
@@ -47,6 +52,7 @@ impl Default for PositioningOptions {
             troposphere: Troposphere::default(),
             elevation_mask: 5f64.to_radians(),
             min_cn0_dbhz: None,
+            systems: Systems::ALL,
             observable: Observable::default(),
             solver: Solver::default(),
             takes_over: true,
@@ -57,6 +63,51 @@ impl Default for PositioningOptions {
             user_speed_mps: 100.0,
             max_height_m: 20e3,
         }
+    }
+}
+
+/// Some of the satellite systems.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Systems([bool; Constellation::ALL.len()]);
+
+impl Systems {
+    /// All of them.
+    pub const ALL: Self = Self([true; Constellation::ALL.len()]);
+
+    /// Whether a system is one of them.
+    pub fn contains(self, system: Constellation) -> bool {
+        Constellation::ALL.iter().zip(self.0).any(|(s, chosen)| *s == system && chosen)
+    }
+}
+
+/// Their letters in RINEX, with commas between.
+impl fmt::Display for Systems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let chosen = Constellation::ALL.iter().zip(self.0).filter(|(_, chosen)| *chosen);
+        let letters: Vec<String> = chosen.map(|(s, _)| s.letter().to_string()).collect();
+        f.write_str(&letters.join(","))
+    }
+}
+
+/// Why a text is no list of satellite systems.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[error(
+    "'{0}' is no satellite system: G GPS, J QZSS, S SBAS, E Galileo, C BeiDou, R GLONASS, with commas between as in G,E"
+)]
+pub struct ParseSystemsError(String);
+
+/// Letters of RINEX with commas between, such as `G,E`.
+impl FromStr for Systems {
+    type Err = ParseSystemsError;
+
+    fn from_str(text: &str) -> Result<Self, ParseSystemsError> {
+        let mut systems = Self([false; Constellation::ALL.len()]);
+        for item in text.split(',').map(str::trim) {
+            let named = |s: &Constellation| item.to_ascii_uppercase().chars().eq([s.letter()]);
+            let at = Constellation::ALL.iter().position(named);
+            systems.0[at.ok_or_else(|| ParseSystemsError(item.to_owned()))?] = true;
+        }
+        Ok(systems)
     }
 }
 
@@ -97,4 +148,23 @@ pub struct Height {
     pub height_m: f64,
     /// Its standard deviation, m.
     pub sigma_m: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn systems_are_read_by_their_letters() {
+        let systems: Systems = "G, e".parse().unwrap();
+        assert!(systems.contains(Constellation::Gps) && systems.contains(Constellation::Galileo));
+        assert!(!systems.contains(Constellation::Qzss));
+        assert_eq!(
+            (systems.to_string(), Systems::ALL.to_string()),
+            ("G,E".into(), "G,J,S,E,C,R".into())
+        );
+        for wrong in ["", "G,", "X", "GPS", "G;E"] {
+            assert!(wrong.parse::<Systems>().unwrap_err().to_string().contains("G GPS"), "{wrong}");
+        }
+    }
 }

@@ -8,7 +8,7 @@ use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::orbit::Propagation;
 use sdr_rx_gnss::orbit::broadcast::sample_ephemeris;
-use sdr_rx_gnss::signal::{self, L1_WAVELENGTH};
+use sdr_rx_gnss::signal::{self, L1_CENTRE_HZ};
 use sdr_rx_gnss::{Ephemeris, GpsTime, NavigationData, Sv};
 
 /// GPS-like Walker 30/6/1 with the orbit shape and corrections of a real ephemeris.
@@ -75,8 +75,11 @@ impl Truth {
         let observations = nav.satellites().filter_map(in_force).filter_map(|ephemeris| {
             let satellite = Propagation::solve(ephemeris, &self.position_m, self.time).satellite;
             let (azimuth, elevation) = azimuth_elevation(&self.position_m, &satellite.position_m);
+            let transmission = signal::of(ephemeris.sv);
+            let dispersion = (L1_CENTRE_HZ / transmission.carrier_hz()).powi(2);
             let ionosphere = |azimuth, elevation, t| {
-                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, t))
+                let delay_m = |k: Klobuchar| k.delay_m(place, azimuth, elevation, t);
+                nav.ionosphere.map_or(0.0, |k| dispersion * delay_m(k))
             };
             let troposphere = |elevation| options.troposphere.delay_m(place, elevation);
             let delay_m = ionosphere(azimuth, elevation, self.time) + troposphere(elevation);
@@ -91,10 +94,10 @@ impl Truth {
             };
             let change = carrier(0.5) - carrier(-0.5);
             let observation = Observation {
-                transmission: signal::of(ephemeris.sv),
+                transmission,
                 range: Some(CodeRange::Pseudorange(self.pseudorange(ephemeris, 0.0) + delay_m)),
                 range_sigma_m: 1.0,
-                doppler_hz: Some(-change / (1.0 + self.drift_sps) / L1_WAVELENGTH),
+                doppler_hz: Some(-change / (1.0 + self.drift_sps) / transmission.wavelength_m()),
                 doppler_sigma_hz: 0.5,
                 carrier_phase_cycles: None,
                 lost_lock: false,

@@ -1,26 +1,24 @@
 //! Broadcast ephemeris, and satellite position, velocity and clock by it.
 
-use crate::constants::{
-    MU_EARTH, MU_EARTH_GALILEO, OMEGA_EARTH, RELATIVISTIC_F, RELATIVISTIC_F_GALILEO,
-};
+use crate::orbit::system::SystemModel;
 use crate::{Constellation, GpsTime, Sv};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 /// A GPS or QZSS LNAV broadcast ephemeris: subframes 1 to 3, in SI units and rad
 /// (IS-GPS-200N 20.3.3.3 and 20.3.3.4; names of tables 20-I and 20-III); or one of Galileo I/NAV: words 1 to 5 (Galileo
 /// OS SIS ICD 2.1, 5.1), its times in Galileo System Time counted by GPS weeks, which differs from GPS time by
-/// nanoseconds. What else Galileo sends of a satellite is in [`GalileoStatus`](crate::galileo_data::GalileoStatus).
+/// nanoseconds; or one of BeiDou D1 or D2 (BDS-SIS-ICD-B1I-3.0, 5.2.4), its times brought from BeiDou to GPS time. What else Galileo sends of a satellite is in [`GalileoStatus`](crate::galileo_data::GalileoStatus).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ephemeris {
     /// The satellite.
     pub sv: Sv,
-    /// Issue of data, clock (10 bits); IODnav of Galileo.
+    /// Issue of data, clock (10 bits); IODnav of Galileo, AODC of BeiDou.
     pub iodc: u16,
-    /// Issue of data, ephemeris (8 bits); the low bits of IODnav of Galileo.
+    /// Issue of data, ephemeris (8 bits); the low bits of IODnav of Galileo, AODE of BeiDou.
     pub iode: u8,
     /// URA index, 0 to 15; of Galileo that whose bound is next to SISA.
     pub ura_index: u8,
-    /// Six-bit health word, three bits of E1-B of Galileo; 0 is healthy.
+    /// Six-bit health word, three bits of E1-B of Galileo, SatH1 of BeiDou; 0 is healthy.
     pub health: u8,
     /// Codes on the L2 channel.
     pub l2_codes: u8,
@@ -40,7 +38,8 @@ pub struct Ephemeris {
     pub af1: f64,
     /// Clock drift rate `a_f2`, s/s^2.
     pub af2: f64,
-    /// Group delay of the signal on L1 against the clock's reference, s: T_GD, or BGD(E1, E5b) of Galileo.
+    /// Group delay of the signal on L1 against the clock's reference, s: T_GD, BGD(E1, E5b) of Galileo, or T_GD1
+    /// of B1I of BeiDou, which stands for B1C as well: that differs by some nanoseconds.
     pub tgd: f64,
     /// Square root of the semi-major axis, sqrt(m).
     pub sqrt_a: f64,
@@ -94,10 +93,8 @@ impl Ephemeris {
     pub fn state(&self, t: GpsTime) -> SatelliteState {
         let tk = t - self.toe;
         let a = self.sqrt_a * self.sqrt_a;
-        let (mu, relativistic_f) = match self.sv.constellation() {
-            Constellation::Galileo => (MU_EARTH_GALILEO, RELATIVISTIC_F_GALILEO),
-            _ => (MU_EARTH, RELATIVISTIC_F),
-        };
+        let &SystemModel { mu, relativistic_f, omega_earth, behind_gps_s, .. } =
+            self.sv.constellation().model();
         let n = (mu / (a * a * a)).sqrt() + self.delta_n;
         let ek = eccentric_anomaly(self.m0 + n * tk, self.e);
         let (sin_e, cos_e) = ek.sin_cos();
@@ -117,8 +114,11 @@ impl Ephemeris {
         let (sin_u, cos_u) = u.sin_cos();
         let (x, y) = (r * cos_u, r * sin_u);
         let (x_dot, y_dot) = (r_dot * cos_u - y * u_dot, r_dot * sin_u + x * u_dot);
-        let node_rate = self.omega_dot - OMEGA_EARTH;
-        let node = self.omega0 + node_rate * tk - OMEGA_EARTH * self.toe.tow();
+        // Of geostationary satellites of BeiDou the elements hold in a frame that stands still from t_oe on.
+        let is_geo = self.sv.is_beidou_geo();
+        let node_rate = if is_geo { self.omega_dot } else { self.omega_dot - omega_earth };
+        let toe_tow = (self.toe - behind_gps_s).tow();
+        let node = self.omega0 + node_rate * tk - omega_earth * toe_tow;
         let (sin_o, cos_o) = node.sin_cos();
         let (sin_i, cos_i) = i.sin_cos();
         let position_m =
@@ -129,6 +129,11 @@ impl Ephemeris {
             x_dot * sin_o + z_dot * cos_o + node_rate * position_m.x,
             y_dot * sin_i + y * cos_i * i_dot,
         );
+
+        let (position_m, velocity_mps) = match is_geo {
+            true => from_geo_frame(&position_m, &velocity_mps, omega_earth, tk),
+            false => (position_m, velocity_mps),
+        };
 
         let tc = t - self.toc;
         let relativity = relativistic_f * self.e * self.sqrt_a;
@@ -151,14 +156,30 @@ impl Ephemeris {
     }
 
     /// Half the curve-fit interval, s: how far from `t_oe` the ephemeris may be used. Galileo states none: a healthy
-    /// satellite sends one issue for at most 4 hours (OS SIS ICD 2.1, 5.1.9.2).
+    /// satellite sends one issue for at most 4 hours (OS SIS ICD 2.1, 5.1.9.2); BeiDou changes it every hour.
     pub fn half_fit_interval(&self) -> f64 {
-        match self.sv.constellation() {
-            Constellation::Galileo => 4.0 * 3600.0,
-            _ if self.fit_interval_flag => 3.0 * 3600.0,
-            _ => 2.0 * 3600.0,
+        match self.fit_interval_flag {
+            true => 3.0 * 3600.0,
+            false => self.sv.constellation().model().half_fit_interval_s,
         }
     }
+}
+
+/// Position and velocity of a geostationary satellite of BeiDou, `tk` after its reference time, from the frame of its
+/// elements, whose equator is turned by 5 degrees about the x axis: R_Z(omega tk) R_X(-5 deg) (BDS-SIS-ICD-B1I-3.0 table
+/// 5-11).
+fn from_geo_frame(
+    position_m: &Vector3<f64>,
+    velocity_mps: &Vector3<f64>,
+    omega_earth: f64,
+    tk: f64,
+) -> (Vector3<f64>, Vector3<f64>) {
+    // Rotations of axes are those of vectors by the opposite angle.
+    let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), 5f64.to_radians());
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -omega_earth * tk) * tilt;
+    let position_m = turn * position_m;
+    let rotation = Vector3::z() * omega_earth;
+    (position_m, turn * velocity_mps - rotation.cross(&position_m))
 }
 
 /// Solves Kepler's equation M = E - e sin E by Newton's method, to the last bit in at most 10 steps
@@ -235,7 +256,7 @@ pub fn sample_ephemeris() -> Ephemeris {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::constants::SPEED_OF_LIGHT;
+    use crate::constants::{OMEGA_EARTH, SPEED_OF_LIGHT};
 
     #[test]
     fn velocity_and_clock_drift_are_the_derivatives_of_position_and_clock() {
@@ -254,6 +275,44 @@ mod tests {
             assert!((drift - at.clock_drift_sps).abs() < 1e-16);
             // GPS orbits: 26 560 km and about 3.9 km/s inertial.
             assert!((at.position_m.norm() / 26.56e6 - 1.0).abs() < 0.03);
+        }
+    }
+
+    /// A geostationary satellite stays over its place: with the elements of C01 the velocity is that of the position, and
+    /// both stay within its box of some tenths of a degree.
+    #[test]
+    fn a_geostationary_satellite_of_beidou_stands_still_and_its_velocity_is_the_derivative() {
+        let toe = GpsTime::from_week_tow(2320, 115_200.0 + 14.0);
+        let c01 = Ephemeris {
+            sv: "C01".parse().unwrap(),
+            toe,
+            toc: toe,
+            crs: 398.78125,
+            delta_n: 1.168655822063e-8,
+            m0: -0.7785119710056,
+            cuc: 1.305714249611e-5,
+            e: 2.352053998038e-4,
+            cus: -1.721968874335e-5,
+            sqrt_a: 6493.358730316,
+            cic: 3.771856427193e-8,
+            omega0: -1.376223151778,
+            cis: -3.306195139885e-8,
+            i0: 6.493194956776e-2,
+            crc: 519.28125,
+            omega: 0.5103894865136,
+            omega_dot: -1.047865076358e-8,
+            idot: 2.235807416067e-10,
+            ..sample_ephemeris()
+        };
+        for k in -4..=4 {
+            let t = toe + 1800.0 * f64::from(k);
+            let (before, at, after) = (c01.state(t - 1.0), c01.state(t), c01.state(t + 1.0));
+            let difference = (after.position_m - before.position_m) / 2.0;
+            assert!((difference - at.velocity_mps).norm() < 1e-4);
+            let longitude = |s: &SatelliteState| s.position_m.y.atan2(s.position_m.x).to_degrees();
+            assert!((longitude(&at) - longitude(&c01.state(toe))).abs() < 0.5);
+            // Inclined by up to 2 degrees it moves by up to 100 m/s.
+            assert!(at.velocity_mps.norm() < 120.0 && at.position_m.z.abs() < 1.6e6);
         }
     }
 

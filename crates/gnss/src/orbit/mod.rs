@@ -3,12 +3,14 @@
 //! [`NavigationData::orbit`](super::NavigationData::orbit) gives the valid [`Orbit`] of a satellite at a time.
 
 pub mod broadcast;
+pub mod glonass;
 pub mod precise;
+pub(crate) mod system;
 
 use crate::constants::{OMEGA_EARTH, SPEED_OF_LIGHT};
 use crate::orbit::broadcast::ura_metres;
 use crate::orbit::precise::PreciseArc;
-use crate::{Ephemeris, GpsTime, SatelliteState};
+use crate::{Ephemeris, GlonassEphemeris, GpsTime, SatelliteState};
 use nalgebra::{Rotation3, Vector3};
 
 /// A source of satellite states around one time.
@@ -16,6 +18,8 @@ use nalgebra::{Rotation3, Vector3};
 pub enum Orbit<'a> {
     /// Broadcast elements.
     Broadcast(&'a Ephemeris),
+    /// Broadcast position and velocity of GLONASS, to be integrated.
+    Glonass(&'a GlonassEphemeris),
     /// Tabulated positions and clocks, as of an SP3 file.
     Precise(PreciseArc<'a>),
 }
@@ -26,26 +30,42 @@ impl<'a> From<&'a Ephemeris> for Orbit<'a> {
     }
 }
 
+impl<'a> From<&'a GlonassEphemeris> for Orbit<'a> {
+    fn from(ephemeris: &'a GlonassEphemeris) -> Self {
+        Self::Glonass(ephemeris)
+    }
+}
+
 impl<'a> From<PreciseArc<'a>> for Orbit<'a> {
     fn from(arc: PreciseArc<'a>) -> Self {
         Self::Precise(arc)
     }
 }
 
+/// Standard deviation of a range of GLONASS, m: 2 m of orbit and clock (Montenbruck et al. 2018, see `system`), and 1 m of
+/// what its frequency channels differ by in a receiver.
+const GLONASS_SIGMA_M: f64 = 2.2;
+
 impl Orbit<'_> {
     /// Satellite state at GPS time `t`, as good as the source is at that time.
     pub fn state(&self, t: GpsTime) -> SatelliteState {
         match self {
             Self::Broadcast(ephemeris) => ephemeris.state(t),
+            Self::Glonass(ephemeris) => ephemeris.state(t),
             Self::Precise(arc) => arc.state(t),
         }
     }
 
-    /// Standard deviation, m, of an L1 C/A range computed from orbit and satellite clock.
+    /// Standard deviation, m, of a range on L1 computed from orbit and satellite clock.
     pub fn range_sigma_m(&self) -> f64 {
         match self {
-            // Index 0 stands for 2.4 m, its upper bound, where orbit and clock are good to about 0.7 m.
-            Self::Broadcast(ephemeris) => 0.7 * ura_metres(ephemeris.ura_index).max(2.4) / 2.4,
+            // Index 0 of GPS stands for 2.4 m, its upper bound, where orbit and clock are good to about 0.7 m.
+            Self::Broadcast(ephemeris) => {
+                let model = ephemeris.sv.constellation().model();
+                let worse = ura_metres(ephemeris.ura_index) / model.usual_ura_m;
+                model.range_sigma_m * worse.max(1.0)
+            }
+            Self::Glonass(_) => GLONASS_SIGMA_M,
             Self::Precise(arc) => arc.range_sigma_m(),
         }
     }
@@ -75,7 +95,7 @@ pub enum NoOrbit {
     #[error("it sends the alert flag")]
     Alert,
     /// The satellite gives no prediction of its accuracy (URA index 15).
-    #[error("it predicts no accuracy (URA index 15)")]
+    #[error("it predicts no accuracy (URA index 15, or no SISA)")]
     NoAccuracy,
 }
 

@@ -2,6 +2,8 @@
 
 use super::{Carrier, Modulation, Overlay, Signal, Symbols};
 use crate::Constellation;
+/// Geostationary satellites send D2: 500 bit/s and no secondary code.
+use crate::satellite::is_beidou_geo as sends_d2;
 
 const CHIPS: usize = 2046;
 const STAGES: usize = 11;
@@ -14,11 +16,6 @@ const G2_STAGES: [&[usize]; 63] = [
 
 /// Secondary code NH20 of the message D1, 00000100110101001110: a chip a code period, aligned with the bit.
 const NH20: [i8; 20] = [1, 1, 1, 1, 1, -1, 1, 1, -1, -1, 1, -1, 1, -1, 1, 1, -1, -1, -1, 1];
-
-/// Whether the satellite of this number is geostationary and sends D2: 500 bit/s and no secondary code.
-fn sends_d2(number: u8) -> bool {
-    matches!(number, 1..=5 | 59..=63)
-}
 
 fn code(number: u8) -> Option<Box<[i8]>> {
     let stages = *G2_STAGES.get(usize::from(number.checked_sub(1)?))?;

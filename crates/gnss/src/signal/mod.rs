@@ -59,7 +59,6 @@ pub static ALL: [&Signal; 11] = [
 ];
 
 /// A signal, the same of all satellites that send it but for the code. Signals are distinguished by their names.
-#[derive(Debug)]
 pub struct Signal {
     /// Name, unlike that of any other signal.
     pub name: &'static str,
@@ -150,6 +149,16 @@ impl Signal {
         }
     }
 
+    /// Carrier of a satellite on this frequency channel, Hz; none where it has channels and this one is not known.
+    pub fn carrier_on_channel_hz(&self, channel: Option<i8>) -> Option<f64> {
+        match self.carrier {
+            Carrier::Fixed(hz) => Some(hz),
+            Carrier::Fdma { centre_hz, step_hz, .. } => {
+                channel.map(|channel| centre_hz + f64::from(channel) * step_hz)
+            }
+        }
+    }
+
     /// Wavelength of the carrier of a satellite, m.
     pub fn wavelength_m(&self, sv: Sv) -> f64 {
         SPEED_OF_LIGHT / self.carrier_hz(sv)
@@ -163,6 +172,13 @@ impl Signal {
     /// Code periods over which nothing but noise changes the sign: a symbol, or one period of a pilot.
     pub fn periods_per_symbol(&self, sv: Sv) -> usize {
         (self.symbols)(sv.number()).map_or(1, |symbols| symbols.periods)
+    }
+}
+
+/// Its name: data and pilot refer to each other.
+impl std::fmt::Debug for Signal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Signal({})", self.name)
     }
 }
 
@@ -361,6 +377,9 @@ mod tests {
         let signal = Signal { carrier, ..gps_l1_ca::SIGNAL };
         let sv = Sv::from_prn(1).unwrap();
         assert_eq!(signal.carrier_hz(sv), 1602e6 - 4.0 * 562.5e3);
+        assert_eq!(signal.carrier_on_channel_hz(Some(6)), Some(1_605.375e6));
+        assert_eq!(signal.carrier_on_channel_hz(None), None);
+        assert_eq!(GPS_L1_CA.carrier_on_channel_hz(None), Some(L1_CENTRE_HZ));
     }
 
     #[test]

@@ -23,7 +23,7 @@
 use super::predicted::Predicted;
 use super::sighting::{Sighting, clock_of, reference_clock, system_of};
 use crate::error::PositioningError;
-use crate::fix::SystemOffset;
+use crate::fix::InterSystemOffset;
 use crate::gauss_newton::{Damping, Minimum, Model, Step, Stopped, Verdict, Why, gauss_newton};
 use crate::integrity::{Geometry, MAX_RADIUS, MIN_RADIUS, chi_square_limit};
 use crate::least_squares::{LeastSquares, LinearRow};
@@ -37,11 +37,15 @@ use crate::solver::failure::Failure;
 use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::coordinates::Geodetic;
-use sdr_rx_gnss::{GpsTime, NavigationData};
+use sdr_rx_gnss::{Constellation, GpsTime, NavigationData};
 
-/// Clock terms of an epoch: of clock 0 bias, m, and drift, m/s; then those of further systems.
-pub(crate) const BIAS: usize = 0;
+/// The clock term of all range rates: the receiver has one drift, m/s.
 pub(crate) const DRIFT: usize = 1;
+
+/// The clock term of a clock's bias, m. Those of systems without satellites are in no row, and stay as they are.
+pub(crate) fn bias(clock: usize) -> usize {
+    2 * clock
+}
 
 /// Gauss-Newton is quadratic near the ground: from the bare solver's 100 m it takes 3 or 4 steps.
 const MAX_REFINEMENTS: usize = 10;
@@ -75,12 +79,20 @@ pub(crate) struct Measured {
     pub noise: f64,
     /// Standard deviation of the prediction, which lasts from epoch to epoch.
     pub model: f64,
+    /// The part of the prediction's error that satellites share, of unit variance in each axis: what is left of the
+    /// ionosphere is smooth over the sky, taken as correlated by the cosine of the angle between two satellites.
+    pub shared: Vector3<f64>,
 }
 
 impl Measured {
     /// Standard deviation of observed minus computed.
     pub fn sigma(&self) -> f64 {
         self.noise.hypot(self.model)
+    }
+
+    /// Standard deviation of the prediction but for the shared part.
+    pub fn own_model(&self) -> f64 {
+        (self.model * self.model - self.shared.norm_squared()).max(0.0).sqrt()
     }
 
     /// The linearised row, with its weight by a loss and all terms after `first_term`.
@@ -106,8 +118,6 @@ pub(crate) struct Adjustment<'a> {
     pub receive_time: GpsTime,
     pub nav: &'a NavigationData,
     pub options: &'a PositioningOptions,
-    /// The first of the clocks that its satellites have.
-    pub reference: usize,
 }
 
 /// A converged solution and what it was made of.
@@ -116,13 +126,12 @@ pub(crate) struct Adjusted<'a> {
     pub view: EpochView,
     pub state: Point<3>,
     pub time: GpsTime,
-    /// Bias of the receiver's clock against the first system, m.
-    pub clock_bias_m: f64,
-    pub system_offsets: Vec<SystemOffset>,
     /// Of the position, ECEF, m^2.
     pub covariance: Matrix3<f64>,
-    /// Standard deviation of the clock's bias, m, where it was observed.
-    pub bias_sigma_m: Option<f64>,
+    /// Bias of the reference clock, m, and its standard deviation, where it was observed.
+    pub bias_m: Option<(f64, f64)>,
+    pub reference: Constellation,
+    pub offsets: Vec<InterSystemOffset>,
     pub geometry: Geometry,
     /// Weighted sum of squared residuals.
     pub cost: f64,
@@ -166,21 +175,22 @@ impl Observable {
 }
 
 impl<'a> Adjustment<'a> {
-    /// Clock term that places the epoch in time: the bias against the first of the systems. (Their times differ by
-    /// nanoseconds.)
-    pub fn bias_term(&self) -> usize {
-        2 * self.reference + BIAS
+    /// GPS time of reception by a clock's bias, m: of any system that is observed, as their times differ by less than a
+    /// microsecond, in which satellites move by millimetres.
+    pub fn time(&self, bias_m: f64) -> GpsTime {
+        self.receive_time - bias_m / SPEED_OF_LIGHT
     }
 
-    /// GPS time of reception at a point.
-    pub fn time(&self, at: &Point<3>) -> GpsTime {
-        self.receive_time - at.clocks[self.bias_term()] / SPEED_OF_LIGHT
-    }
-
-    /// What would be seen of the satellites at a point.
+    /// What would be seen of the satellites at a point, at the time by their reference clock.
     pub fn predict(&self, used: &[Sighting], at: &Point<3>) -> Vec<Predicted> {
-        let time = self.time(at);
-        let predict = |s: &Sighting| Predicted::new(s.orbit, &at.x, time, self.nav, self.options);
+        self.predict_by(used, at, at.clocks[bias(reference_clock(used))])
+    }
+
+    /// The same at the time by a bias, m.
+    pub fn predict_by(&self, used: &[Sighting], at: &Point<3>, bias_m: f64) -> Vec<Predicted> {
+        let (time, nav, options) = (self.time(bias_m), self.nav, self.options);
+        let predict =
+            |s: &Sighting| Predicted::new(s.orbit, s.carrier_hz, &at.x, time, nav, options);
         used.iter().map(predict).collect()
     }
 
@@ -194,7 +204,7 @@ impl<'a> Adjustment<'a> {
         let observable = self.options.observable;
         used.iter().zip(predictions).enumerate().flat_map(
             move |(satellite, (sighting, predicted))| {
-                let term = 2 * clock_of(sighting.observation.sv()) + BIAS;
+                let term = bias(clock_of(sighting.sv()));
                 let range = sighting.range_m.map(|range_m| Measured {
                     satellite,
                     kind: RowKind::Range,
@@ -203,6 +213,7 @@ impl<'a> Adjustment<'a> {
                     residual: range_m - predicted.range_m - at.clocks[term],
                     noise: sighting.observation.range_sigma_m,
                     model: predicted.range_sigma_m,
+                    shared: predicted.direction * predicted.ionosphere_sigma_m,
                 });
                 let rate = sighting.range_rate().map(|(rate, noise)| Measured {
                     satellite,
@@ -212,6 +223,7 @@ impl<'a> Adjustment<'a> {
                     residual: rate - predicted.range_rate(&Vector3::zeros(), at.clocks[DRIFT]),
                     noise,
                     model: predicted.rate_sigma_mps,
+                    shared: Vector3::zeros(),
                 });
                 [range, rate].into_iter().flatten().filter(move |row| observable.contains(row.kind))
             },
@@ -263,19 +275,51 @@ impl<'a> Adjustment<'a> {
         if !(MIN_RADIUS..MAX_RADIUS).contains(&radius_m) {
             return Err(PositioningError::ImplausibleRadius { radius_m });
         }
-        // A system may have lost all of its satellites since the start.
-        let own = Adjustment { reference: reference_clock(&used), ..*self };
-        // Of the estimate with these weights, by the standard deviations as they were.
-        let variances = view.weighted().map(|(row, _)| scales[row.kind as usize].powi(-2));
-        let variances: Vec<f64> = variances.chain([1.0]).collect();
-        let influences = system.influences().zip(&variances);
-        let covariance: Matrix3<f64> = influences.map(|(g, v)| g * g.transpose() * *v).sum();
-        let bias_sigma_m = self.options.observable.contains(RowKind::Range).then(|| {
-            let influences = system.clock_influences(own.bias_term()).zip(&variances);
-            influences.map(|(g, v)| g * g * v).sum::<f64>().sqrt()
+        // Of the estimate with these weights, by the standard deviations as they were: each row's own error and its part
+        // of the shared one, over the row's standard deviation.
+        let errors = view.weighted().map(|(row, _)| {
+            let by = 1.0 / (row.sigma() * scales[row.kind as usize]);
+            (row.noise.hypot(row.own_model()) * by, row.shared * by)
         });
-        let system_offsets = own.system_offsets(&view, &state, &system, &variances);
-        let rows = variances.len() - usize::from(self.options.height.is_none());
+        let errors: Vec<(f64, Vector3<f64>)> = errors.chain([(1.0, Vector3::zeros())]).collect();
+        let (mut own, mut shared) = (Matrix3::zeros(), Matrix3::zeros());
+        for (g, (error, common)) in system.influences().zip(&errors) {
+            own += g * g.transpose() * (error * error);
+            shared += g * common.transpose();
+        }
+        let covariance: Matrix3<f64> = own + shared * shared.transpose();
+        let spread = |influences: &mut dyn Iterator<Item = f64>| {
+            let (mut own, mut shared) = (0.0, Vector3::zeros());
+            for (g, (error, common)) in influences.zip(&errors) {
+                own += (g * error).powi(2);
+                shared += g * common;
+            }
+            (own + shared.norm_squared()).sqrt()
+        };
+        // Of those with weight.
+        let is_observed = |clock: &usize| {
+            let mut rows = view.weighted().map(|(row, _)| row);
+            rows.any(|row| row.kind == RowKind::Range && row.term == bias(*clock))
+        };
+        let mut clocks = (0..state.clocks.len() / 2).filter(is_observed);
+        let first = clocks.next();
+        let reference = first.unwrap_or_else(|| reference_clock(&used));
+        let bias_m = first.map(|clock| {
+            (state.clocks[bias(clock)], spread(&mut system.clock_influences(bias(clock))))
+        });
+        let offsets: Vec<InterSystemOffset> = clocks
+            .map(|clock| {
+                let own = system.clock_influences(bias(clock));
+                let influences = own.zip(system.clock_influences(bias(reference)));
+                InterSystemOffset {
+                    system: system_of(clock),
+                    offset_s: (state.clocks[bias(clock)] - state.clocks[bias(reference)])
+                        / SPEED_OF_LIGHT,
+                    sigma_s: spread(&mut influences.map(|(a, b)| a - b)) / SPEED_OF_LIGHT,
+                }
+            })
+            .collect();
+        let rows = errors.len() - usize::from(self.options.height.is_none());
         let mut terms: Vec<usize> = view.rows.iter().map(|row| row.term).collect();
         terms.sort_unstable();
         terms.dedup();
@@ -290,7 +334,7 @@ impl<'a> Adjustment<'a> {
         // Dilutions are those of ranges, whatever was observed.
         system.set(view.predictions.iter().zip(&used).map(|(predicted, sighting)| {
             let g = -predicted.direction;
-            let term = Some(2 * clock_of(sighting.observation.sv()));
+            let term = Some(bias(clock_of(sighting.sv())));
             LinearRow::new([g.x, g.y, g.z, 0.0], 1.0, term)
         }));
         let infinite = degenerate("dilution of precision", f64::INFINITY, 100.0);
@@ -304,42 +348,17 @@ impl<'a> Adjustment<'a> {
         Ok(Adjusted {
             used,
             view,
-            time: own.time(&state),
-            clock_bias_m: state.clocks[own.bias_term()],
-            system_offsets,
+            time: self.time(state.clocks[bias(reference)]),
             state,
             covariance,
-            bias_sigma_m,
+            bias_m,
+            reference: system_of(reference),
+            offsets,
             geometry,
             cost,
             iterations,
             redundancy: rows.saturating_sub(3 + terms.len()),
         })
-    }
-}
-
-impl Adjustment<'_> {
-    /// Clocks of the systems of the rows against that of the first.
-    fn system_offsets(
-        &self,
-        view: &EpochView,
-        at: &Point<3>,
-        system: &LeastSquares<3, 4>,
-        variances: &[f64],
-    ) -> Vec<SystemOffset> {
-        let is_present = |clock: &usize| view.weighted().any(|(row, _)| row.term == 2 * clock);
-        let others = (self.reference + 1..at.clocks.len() / 2).filter(is_present);
-        let offset = |clock: usize| {
-            let (own, first) = (2 * clock + BIAS, self.bias_term());
-            let influences = system.clock_influences(own).zip(system.clock_influences(first));
-            let variance = influences.zip(variances).map(|((a, b), v)| (a - b).powi(2) * v);
-            Some(SystemOffset {
-                system: system_of(clock)?,
-                offset_s: (at.clocks[own] - at.clocks[first]) / SPEED_OF_LIGHT,
-                sigma_s: variance.sum::<f64>().sqrt() / SPEED_OF_LIGHT,
-            })
-        };
-        others.filter_map(offset).collect()
     }
 }
 
@@ -386,7 +405,15 @@ impl EpochView {
                 freedom => (cost / freedom as f64).sqrt(),
             }
         };
-        [scale(RowKind::Range, 4).clamp(MIN_SCALE, 1.0), scale(RowKind::RangeRate, 1).max(1.0)]
+        let mut terms: Vec<usize> = self.rows.iter().map(|row| row.term).collect();
+        terms.retain(|term| *term != DRIFT);
+        terms.sort_unstable();
+        terms.dedup();
+        let of_ranges = 3 + terms.len();
+        [
+            scale(RowKind::Range, of_ranges).clamp(MIN_SCALE, 1.0),
+            scale(RowKind::RangeRate, 1).max(1.0),
+        ]
     }
 }
 

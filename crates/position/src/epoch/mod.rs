@@ -16,8 +16,8 @@ pub(crate) mod velocity;
 
 use crate::error::{DropReason, Dropped, PositioningError};
 use crate::fix::{
-    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, ProtectionLevel,
-    Residual,
+    Doubt, FailedStart, FailedStartCause, Fix, FixMethod, FixStart, Integrity, InterSystemOffset,
+    ProtectionLevel, Residual,
 };
 use crate::options::{Exclusion, Observable, PositioningOptions};
 use crate::point::Point;
@@ -32,7 +32,7 @@ use sdr_rx_gnss::constants::SPEED_OF_LIGHT;
 use sdr_rx_gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use sdr_rx_gnss::{NavigationData, Sv};
 use separation::{Answer, Hypotheses, Hypothesis, Set, subsets};
-use sighting::{Sighting, reference_clock, select};
+use sighting::{Sighting, clock_of, select};
 use velocity::motion;
 
 /// Position, velocity, clock and what a person needs to trust them, from the full pseudoranges, Dopplers or
@@ -87,8 +87,7 @@ pub fn candidates<'a>(
     trace: &mut dyn FnMut(&Iteration),
 ) -> Result<Candidates<'a>, PositioningError> {
     let (sightings, dropped) = sightings(epoch, nav, options)?;
-    let reference = reference_clock(&sightings);
-    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options, reference };
+    let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
     let mut cold_start = cold_start_of_most(&adjustment, &sightings, options.solver, trace)?;
     let mut hypotheses = hypotheses(adjustment, &sightings, &cold_start.state);
     let is_open = !hypotheses.agree() && options.solver != Solver::Best && options.takes_over;
@@ -147,7 +146,23 @@ fn sightings<'a>(
             (_, None) => Err(DropReason::NotANumber),
         }
     };
-    select(epoch, sighting, 4)
+    let (sightings, dropped) = select(epoch, options.systems, sighting, 4)?;
+    let needed = needed(&sightings, options);
+    match sightings.len() {
+        usable if usable < needed => {
+            Err(PositioningError::TooFewSatellites { usable, needed, dropped })
+        }
+        _ => Ok((sightings, dropped)),
+    }
+}
+
+/// Satellites that a position needs: three, and one for each clock; Dopplers contain one drift.
+fn needed(sightings: &[Sighting], options: &PositioningOptions) -> usize {
+    let mut clocks: Vec<usize> = sightings.iter().map(|s| clock_of(s.sv())).collect();
+    clocks.sort_unstable();
+    clocks.dedup();
+    let is_of_ranges = options.observable == Observable::Pseudorange;
+    3 + if is_of_ranges { clocks.len().max(1) } else { 1 }
 }
 
 /// From the Earth's centre by all satellites; where that fails, without the first one or two that let it succeed.
@@ -249,14 +264,15 @@ impl<'a> Candidates<'a> {
         Err(self.contradiction())
     }
 
-    /// The satellites above the mask, at least four.
+    /// The satellites above the mask, at least as many as are needed.
     fn masked(&self, at: &Point<3>) -> Result<Vec<Sighting<'a>>, PositioningError> {
         let above = above_mask(&self.adjustment, &self.sightings, at);
-        if above.len() >= 4 {
+        let needed = needed(&above, self.adjustment.options);
+        if above.len() >= needed {
             return Ok(above);
         }
         let dropped = self.below_mask(at).chain(self.dropped.iter().copied()).collect();
-        Err(PositioningError::TooFewSatellites { usable: above.len(), needed: 4, dropped })
+        Err(PositioningError::TooFewSatellites { usable: above.len(), needed, dropped })
     }
 
     fn below_mask(&self, at: &Point<3>) -> impl Iterator<Item = Dropped> {
@@ -328,6 +344,9 @@ impl<'a> Candidates<'a> {
             alternatives_m: self.other_places(point),
             covariance: fix.covariance * factor,
             clock_bias_sigma_s: fix.clock_bias_sigma_s.map(|sigma_s| sigma_s * factor.sqrt()),
+            offsets: (fix.offsets.into_iter())
+                .map(|o| InterSystemOffset { sigma_s: o.sigma_s * factor.sqrt(), ..o })
+                .collect(),
             unused: self.dropped.iter().copied().chain(below).collect(),
             doubt: Some(match protection {
                 Some(_) => Doubt::ProtectionLevel,
@@ -359,7 +378,7 @@ fn fix(
         let (sighting, predicted) = (&point.used[k], &point.view.predictions[k]);
         let is_code = |r: &&Measured| r.satellite == k && r.kind == RowKind::Range;
         let code = point.view.rows.iter().find(is_code);
-        let wavelength_m = sighting.observation.transmission.wavelength_m();
+        let wavelength_m = sighting.wavelength_m();
         Residual {
             sv: sighting.observation.sv(),
             range_m: code.map(|row| row.residual),
@@ -384,11 +403,12 @@ fn fix(
         sample,
         position_m: point.state.x,
         velocity_mps: motion.map(|m| m.velocity_mps),
-        clock_bias_s: point.bias_sigma_m.map(|_| point.clock_bias_m / SPEED_OF_LIGHT),
+        clock_bias_s: point.bias_m.map(|(bias_m, _)| bias_m / SPEED_OF_LIGHT),
+        reference: point.reference,
+        offsets: point.offsets.clone(),
         clock_drift_sps: moving.map(|(_, drift)| drift / SPEED_OF_LIGHT),
         covariance: point.geometry.local(&point.covariance),
-        system_offsets: point.system_offsets.clone(),
-        clock_bias_sigma_s: point.bias_sigma_m.map(|sigma_m| sigma_m / SPEED_OF_LIGHT),
+        clock_bias_sigma_s: point.bias_m.map(|(_, sigma_m)| sigma_m / SPEED_OF_LIGHT),
         pdop: point.geometry.pdop,
         hdop: point.geometry.hdop,
         vdop: point.geometry.vdop,
@@ -415,5 +435,7 @@ const REGION_M: f64 = 50e3;
 /// Places farther apart than this are two, m.
 const DISTINCT_M: f64 = 1e3;
 
+#[cfg(test)]
+mod system_tests;
 #[cfg(test)]
 mod tests;

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use sdr_rx_gnss::constants::{MU_EARTH, OMEGA_EARTH, SPEED_OF_LIGHT};
 use sdr_rx_gnss::coordinates::{Geodetic, azimuth_elevation};
 use sdr_rx_gnss::orbit::Propagation;
+use sdr_rx_gnss::signal::L1_CENTRE_HZ;
 use sdr_rx_gnss::{GpsTime, NavigationData, Orbit};
 
 /// The prediction for one satellite.
@@ -22,6 +23,8 @@ pub(crate) struct Predicted {
     pub range_m: f64,
     /// Standard deviation of that prediction, m.
     pub range_sigma_m: f64,
+    /// The part of it by the ionosphere, m, whose errors neighbouring satellites share.
+    pub ionosphere_sigma_m: f64,
     /// Rate of the geometric range for a receiver at rest, m/s (see [`Predicted::range_rate`]).
     static_rate_mps: f64,
     /// Rate of what the atmosphere adds to the carrier's range, m/s.
@@ -44,9 +47,10 @@ pub(crate) struct Predicted {
 const RATE_SIGMA_MPS: f64 = 0.02;
 
 impl Predicted {
-    /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t`.
+    /// Prediction at `receiver_m` (ECEF, on the Earth) at GPS time `t` on a carrier, Hz.
     pub fn new<'a>(
         orbit: impl Into<Orbit<'a>>,
+        carrier_hz: f64,
         receiver_m: &Vector3<f64>,
         t: GpsTime,
         nav: &NavigationData,
@@ -58,14 +62,19 @@ impl Predicted {
         let direction = (satellite.position_m - receiver_m) / path.range_m;
         let (azimuth, elevation) = azimuth_elevation(receiver_m, &satellite.position_m);
         let place = Geodetic::from_ecef(receiver_m);
-        let ionosphere_m = nav.ionosphere.map(|model| model.delay_m(place, azimuth, elevation, t));
+        // The model is that of L1.
+        let dispersion = (L1_CENTRE_HZ / carrier_hz).powi(2);
+        let ionosphere = |azimuth, elevation, t| {
+            nav.ionosphere.map(|model| dispersion * model.delay_m(place, azimuth, elevation, t))
+        };
+        let ionosphere_m = ionosphere(azimuth, elevation, t);
         let troposphere_m = options.troposphere.delay_m(place, elevation);
 
         // What is left of the ionosphere after the Klobuchar model, and without it, by the model's own slant factor;
         // of the troposphere after the standard atmosphere; reflections at the antenna: all as measured against known
         // positions (docs/positioning.md, "Standard deviations").
         let slant = 1.0 + 16.0 * (0.53 - elevation.max(0.0) / std::f64::consts::PI).powi(3);
-        let ionosphere_sigma = ionosphere_m.map_or(2.5 * slant, |delay| 0.15 * delay);
+        let ionosphere_sigma = ionosphere_m.map_or(2.5 * dispersion * slant, |delay| 0.15 * delay);
         let troposphere_sigma = 0.03 * troposphere_m;
         let multipath_sigma = 0.15 / elevation.max(0.05).sin();
         let range_sigma_m =
@@ -86,9 +95,8 @@ impl Predicted {
         let carrier_delay = |dt: f64| {
             let later = satellite.position_m + dt * velocity;
             let (azimuth, elevation) = azimuth_elevation(receiver_m, &later);
-            let ionosphere =
-                nav.ionosphere.map_or(0.0, |k| k.delay_m(place, azimuth, elevation, t + dt));
-            options.troposphere.delay_m(place, elevation) - ionosphere
+            let ionosphere_m = ionosphere(azimuth, elevation, t + dt).unwrap_or(0.0);
+            options.troposphere.delay_m(place, elevation) - ionosphere_m
         };
         let atmosphere_rate_mps = carrier_delay(0.5) - carrier_delay(-0.5);
         Self {
@@ -100,6 +108,7 @@ impl Predicted {
                 + ionosphere_m.unwrap_or(0.0)
                 + troposphere_m,
             range_sigma_m,
+            ionosphere_sigma_m: ionosphere_sigma,
             static_rate_mps,
             atmosphere_rate_mps,
             rate_sigma_mps: RATE_SIGMA_MPS.hypot(atmosphere_rate_mps),
@@ -143,12 +152,12 @@ mod tests {
             PositioningOptions { troposphere: Troposphere::None, ..PositioningOptions::default() };
         let truth = Truth::at_rest();
         let rate = |ephemeris: &Ephemeris, receiver: &Vector3<f64>, t: GpsTime| {
-            Predicted::new(ephemeris, receiver, t, &nav, &options)
+            Predicted::new(ephemeris, L1_CENTRE_HZ, receiver, t, &nav, &options)
                 .range_rate(&Vector3::zeros(), 0.0)
         };
         for ephemeris in nav.iter() {
             let (r, t) = (truth.position_m, truth.time);
-            let predicted = Predicted::new(ephemeris, &r, t, &nav, &options);
+            let predicted = Predicted::new(ephemeris, L1_CENTRE_HZ, &r, t, &nav, &options);
             let slope = (rate(ephemeris, &r, t + 1.0) - rate(ephemeris, &r, t - 1.0)) / 2.0;
             // The perturbations left out are 1e-3 of gravity; slopes are about 0.1 m/s^2.
             assert!((slope - predicted.acceleration_mps2).abs() < 1e-3, "{slope}");

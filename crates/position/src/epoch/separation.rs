@@ -21,8 +21,8 @@
 //! the full model adds to the geometry is a constant, which holds for 10 km. `1 + m + m (m - 1)/2` sets of `m`
 //! satellites take two or three linear systems each.
 
-use super::adjustment::{Adjustment, ITERATES_M, Measured};
-use super::sighting::Sighting;
+use super::adjustment::{Adjustment, ITERATES_M, Measured, bias};
+use super::sighting::{Sighting, reference_clock};
 use crate::fix::ProtectionLevel;
 use crate::gauss_newton::{Damping, Model, Step, Verdict, gauss_newton};
 use crate::integrity::{
@@ -68,15 +68,16 @@ struct FrozenRow {
 
 /// The rows of all satellites as predicted at a point.
 struct Anchor {
-    at: Point<3>,
-    /// The clock term that places it in time.
-    bias_term: usize,
+    place_m: Vector3<f64>,
+    /// Bias of the clock that told the time of reception, m.
+    bias_m: f64,
     rows: Vec<FrozenRow>,
 }
 
 impl Anchor {
-    fn new(adjustment: &Adjustment, set: &[Sighting], at: &Point<3>) -> Self {
-        let predictions = adjustment.predict(set, at);
+    /// At a point, and the time of reception by a bias, m.
+    fn new(adjustment: &Adjustment, set: &[Sighting], at: &Point<3>, bias_m: f64) -> Self {
+        let predictions = adjustment.predict_by(set, at, bias_m);
         let measured = adjustment.measured(set, &predictions, at);
         let freeze = |row: Measured| {
             let frozen = predictions[row.satellite].satellite;
@@ -90,14 +91,12 @@ impl Anchor {
                 sigma: row.sigma(),
             }
         };
-        let bias_term = adjustment.bias_term();
-        Self { at: at.clone(), bias_term, rows: measured.map(freeze).collect() }
+        Self { place_m: at.x, bias_m, rows: measured.map(freeze).collect() }
     }
 
-    fn distance(&self, to: &Point<3>) -> f64 {
-        (self.at.x - to.x)
-            .norm()
-            .max((self.at.clocks[self.bias_term] - to.clocks[self.bias_term]).abs())
+    /// How far it is from a point with the bias of its clock, m.
+    fn distance(&self, to: &Point<3>, bias_m: f64) -> f64 {
+        (self.place_m - to.x).norm().max((self.bias_m - bias_m).abs())
     }
 }
 
@@ -174,6 +173,7 @@ pub(super) enum Answer {
 pub(super) struct Hypotheses<'a> {
     adjustment: Adjustment<'a>,
     pub set: Vec<Sighting<'a>>,
+    start: Point<3>,
     anchors: Vec<Anchor>,
     /// By the number of faults.
     list: Vec<Hypothesis>,
@@ -182,8 +182,10 @@ pub(super) struct Hypotheses<'a> {
 impl<'a> Hypotheses<'a> {
     /// Solves all sets without up to two of the satellites `set`, from `start`.
     pub fn new(adjustment: Adjustment<'a>, set: Vec<Sighting<'a>>, start: &Point<3>) -> Self {
-        let anchors = vec![Anchor::new(&adjustment, &set, start)];
-        let mut hypotheses = Self { adjustment, set, anchors, list: Vec::new() };
+        let bias_m = start.clocks[bias(reference_clock(&set))];
+        let anchors = vec![Anchor::new(&adjustment, &set, start, bias_m)];
+        let (start, list) = (start.clone(), Vec::new());
+        let mut hypotheses = Self { adjustment, set, start, anchors, list };
         (0..=FAULTS).for_each(|faults| hypotheses.solve_all(faults));
         hypotheses
     }
@@ -204,7 +206,7 @@ impl<'a> Hypotheses<'a> {
     }
 
     fn solve_all(&mut self, faults: u32) {
-        let mut start = self.list.first().map_or(&self.anchors[0].at, |h| &h.point).clone();
+        let mut start = self.list.first().map_or(&self.start, |h| &h.point).clone();
         if !ITERATES_M.contains(&start.x.norm()) {
             // A gross fault has led into the Earth or far away: the others lead back from the surface.
             start.x *= EARTH_RADIUS / start.x.norm().max(1.0);
@@ -228,18 +230,22 @@ impl<'a> Hypotheses<'a> {
         let redundancy = self.redundancy(faulty)?;
         let height = self.adjustment.options.height;
         let mut point = start.clone();
+        // The time is that of a clock that those without fault observe.
+        let used = self.set.iter().enumerate().filter(|(k, _)| faulty >> k & 1 == 0);
+        let term = bias(reference_clock(used.map(|(_, sighting)| sighting)));
         for _ in 0..MOST_ANCHORS {
-            let near = |anchor: &&Anchor| anchor.distance(&point) < ANCHORED_M;
+            let bias_m = point.clocks[term];
+            let near = |anchor: &&Anchor| anchor.distance(&point, bias_m) < ANCHORED_M;
             let anchor = match self.anchors.iter().find(near) {
                 Some(anchor) => anchor,
                 None => {
-                    self.anchors.push(Anchor::new(&self.adjustment, &self.set, &point));
+                    self.anchors.push(Anchor::new(&self.adjustment, &self.set, &point, bias_m));
                     self.anchors.last()?
                 }
             };
             let model = FrozenSet { anchor, faulty, height };
             let found = gauss_newton(&model, point, &Damping::plain(MOST_STEPS), |_| ()).ok()?;
-            if anchor.distance(&found.point) < ANCHORED_M {
+            if anchor.distance(&found.point, found.point.clocks[term]) < ANCHORED_M {
                 let height_m = Geodetic::from_ecef(&found.point.x).height;
                 let covariance = found.system.covariance();
                 let cost = found.cost;

@@ -121,6 +121,10 @@ impl Sequence {
 /// What the clock's bias did beyond its drift from one fix to the next, m, whole milliseconds taken out; and the time
 /// between, s.
 fn clock_step(before: &Fix, fix: &Fix) -> Option<(f64, f64)> {
+    // The times of two systems may differ by more than a clock's step.
+    if fix.reference != before.reference {
+        return None;
+    }
     let t = fix.time - before.time;
     let step = fix.clock_bias_s?
         - before.clock_bias_s?

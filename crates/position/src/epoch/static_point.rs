@@ -5,12 +5,13 @@
 //! least squares eliminate: there are three unknowns however many epochs.
 //!
 //! Thermal noise averages out over the epochs; what is wrong with a satellite's orbit, clock and delays does
-//! not. The covariance takes the first as independent and the second as one constant per satellite: with
+//! not. The covariance takes the first as independent and the second as one constant per satellite (and of the ionosphere
+//! as shared by neighbours, as that of an epoch does): with
 //! `g_i` what a residual does to the position, `sum (g_i noise_i)(g_i noise_i)' + sum_s G_s G_s'`, where `G_s`
 //! is the sum of `g_i model_i` over the rows of a satellite.
 
-use super::adjustment::{Adjustment, DRIFT, Measured, point};
-use super::sighting::{Sighting, reference_clock};
+use super::adjustment::{Adjustment, DRIFT, Measured, bias, point};
+use super::sighting::{Sighting, clock_of, system_of};
 use super::{sightings, solve_traced};
 use crate::error::PositioningError;
 use crate::fix::Fix;
@@ -56,13 +57,15 @@ pub fn solve_static(
                 let used = |s: &Sighting| fix.residuals.iter().any(|r| r.sv == s.observation.sv());
                 let (mut set, _) = sightings(epoch, nav, options)?;
                 set.retain(used);
-                let reference = reference_clock(&set);
                 let mut own = point(&Place::at(fix.position_m), &set).clocks;
-                let bias = fix.clock_bias_s.unwrap_or(0.0) * SPEED_OF_LIGHT;
-                own.iter_mut().step_by(2).for_each(|of_system| *of_system = bias);
                 own[DRIFT] = fix.clock_drift_sps.unwrap_or(0.0) * SPEED_OF_LIGHT;
-                let receive_time = epoch.receive_time;
-                let adjustment = Adjustment { receive_time, nav, options, reference };
+                for clock in set.iter().map(|s| clock_of(s.sv())) {
+                    let offset = fix.offsets.iter().find(|o| o.system == system_of(clock));
+                    let bias_s =
+                        fix.clock_bias_s.unwrap_or(0.0) + offset.map_or(0.0, |o| o.offset_s);
+                    own[bias(clock)] = bias_s * SPEED_OF_LIGHT;
+                }
+                let adjustment = Adjustment { receive_time: epoch.receive_time, nav, options };
                 all.epochs.push(Epoch {
                     adjustment,
                     set,
@@ -136,13 +139,16 @@ impl Together<'_> {
     /// Covariance of the position, ECEF, m^2.
     fn covariance(&self, view: &[Seen], system: &LeastSquares<3, 4>) -> Matrix3<f64> {
         let mut covariance = Matrix3::zeros();
+        let mut shared: Matrix3<f64> = Matrix3::zeros();
         let mut lasting: BTreeMap<(Sv, RowKind), Vector3<f64>> = BTreeMap::new();
         let mut influences = system.influences();
         for (Seen { sv, row, linear }, influence) in view.iter().zip(&mut influences) {
             let by = influence * linear.weight;
             covariance += by * by.transpose() * row.noise.powi(2);
-            *lasting.entry((*sv, row.kind)).or_default() += by * row.model;
+            *lasting.entry((*sv, row.kind)).or_default() += by * row.own_model();
+            shared += by * row.shared.transpose();
         }
+        covariance += shared * shared.transpose();
         // What is left is of the prior.
         influences.chain(lasting.into_values()).fold(covariance, |sum, g| sum + g * g.transpose())
     }

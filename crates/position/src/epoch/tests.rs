@@ -4,10 +4,11 @@ use super::predicted::Predicted;
 use super::*;
 use crate::simulated::{Truth, navigation_data};
 use crate::{Height, Robust};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use sdr_rx_gnss::Ephemeris;
 use sdr_rx_gnss::atmosphere::Troposphere;
 use sdr_rx_gnss::coordinates::Geodetic;
+use sdr_rx_gnss::signal::L1_CENTRE_HZ;
 
 const MASK: f64 = 0.1;
 
@@ -63,14 +64,23 @@ fn covariance_is_that_of_a_monte_carlo() {
     let (nav, truth, options) =
         (navigation_data(), Truth::at_rest(), PositioningOptions::default());
     let exact = truth.observe(&nav, &options, MASK);
-    let sigmas: Vec<f64> = exact
+    let sigmas: Vec<(f64, Vector3<f64>)> = exact
         .observations
         .iter()
         .map(|o| {
             let ephemeris = nav.nearest(o.sv(), truth.time).unwrap();
-            let predicted =
-                Predicted::new(ephemeris, &truth.position_m, truth.time, &nav, &options);
-            o.range_sigma_m.hypot(predicted.range_sigma_m)
+            let predicted = Predicted::new(
+                ephemeris,
+                L1_CENTRE_HZ,
+                &truth.position_m,
+                truth.time,
+                &nav,
+                &options,
+            );
+            // What satellites share, and the rest of the model with the noise.
+            let shared = predicted.direction * predicted.ionosphere_sigma_m;
+            let all = o.range_sigma_m.powi(2) + predicted.range_sigma_m.powi(2);
+            ((all - shared.norm_squared()).sqrt(), shared)
         })
         .collect();
     let enu = sdr_rx_gnss::coordinates::Geodetic::from_ecef(&truth.position_m).ecef_to_enu();
@@ -79,9 +89,10 @@ fn covariance_is_that_of_a_monte_carlo() {
     const RUNS: usize = 2000;
     for _ in 0..RUNS {
         let mut epoch = exact.clone();
-        for (index, sigma) in sigmas.iter().enumerate() {
+        let common = Vector3::from_fn(|_, _| StandardNormal.sample(&mut rng));
+        for (index, (sigma, shared)) in sigmas.iter().enumerate() {
             let noise: f64 = StandardNormal.sample(&mut rng);
-            shift(&mut epoch, index, noise * sigma);
+            shift(&mut epoch, index, noise * sigma + shared.dot(&common));
         }
         let fix = solve_epoch(&epoch, &nav, &options).unwrap();
         let error = enu * (fix.position_m - truth.position_m);

@@ -133,8 +133,9 @@ impl Model<4, 5> for Attempt<'_, '_> {
     fn look(&self, at: &Point<4>, view: &mut View, system: &mut LeastSquares<4, 5>) {
         let CoarseTime { time, nav, options, speed_mps } = self.problem;
         let (position_m, late_s) = (at.x.xyz(), at.x[TIME]);
-        let predict =
-            |s: &Sighting| Predicted::new(s.orbit, &position_m, *time + late_s, nav, options);
+        let predict = |s: &Sighting| {
+            Predicted::new(s.orbit, s.carrier_hz, &position_m, *time + late_s, nav, options)
+        };
         view.predictions = self.set.iter().map(predict).collect();
         let mut rows = Vec::with_capacity(2 * self.set.len() + 2);
         view.code_residuals_m.clear();

@@ -15,7 +15,7 @@ mod code_phases;
 mod doppler_time;
 mod time_window;
 
-use crate::epoch::sighting::{Sighting, select};
+use crate::epoch::sighting::{Sighting, reference_clock, select, system_of};
 use crate::epoch::velocity::motion;
 use crate::error::{DropReason, Dropped, PositioningError};
 use crate::fix::{Doubt, Fix, FixMethod, FixStart, Integrity, Residual};
@@ -73,11 +73,13 @@ pub fn solve_snapshot(
     options: &PositioningOptions,
 ) -> Result<Fix, PositioningError> {
     if options.time_uncertainty_s > SEARCHED_S {
-        return solve_blind(epoch, nav, options);
+        let mut epoch = epoch.clone();
+        epoch.observations.retain(|o| options.systems.contains(o.sv().constellation()));
+        return solve_blind(&epoch, nav, options);
     }
     let time = epoch.receive_time;
     let (sightings, dropped) =
-        select(epoch, |observation| sighting(observation, time, nav), NEEDED)?;
+        select(epoch, options.systems, |observation| sighting(observation, time, nav), NEEDED)?;
     let problem = CoarseTime { time: epoch.receive_time, nav, options, speed_mps: 0.0 };
     let speeds = SPEEDS_MPS.iter().copied().filter(|&v| v < options.user_speed_mps);
     let speeds: Vec<f64> = speeds.chain([options.user_speed_mps]).collect();
@@ -440,8 +442,7 @@ fn finish(
         sv: sighting.observation.sv(),
         range_m: Some(range_m),
         doppler_hz: (sighting.observation.doppler_hz).map(|observed| {
-            let wavelength_m = sighting.observation.transmission.wavelength_m();
-            observed + predicted.range_rate(&velocity, drift) / wavelength_m
+            observed + predicted.range_rate(&velocity, drift) / sighting.wavelength_m()
         }),
         azimuth: predicted.azimuth,
         elevation: predicted.elevation,
@@ -452,7 +453,9 @@ fn finish(
         position_m,
         velocity_mps: motion.map(|m| m.velocity_mps),
         clock_bias_s: Some(-fix.late_s()),
-        system_offsets: Vec::new(),
+        // Whole periods are resolved for one clock.
+        reference: system_of(reference_clock(&used)),
+        offsets: Vec::new(),
         clock_drift_sps: Some(drift / SPEED_OF_LIGHT),
         covariance: geometry.local(&covariance),
         clock_bias_sigma_s: Some(fix.covariance[(TIME, TIME)].sqrt()),

@@ -106,15 +106,16 @@ impl Header {
             match self.system {
                 'N' => ("G", lines.columns(at, 0, 2)),
                 'J' => ("J", lines.columns(at, 0, 2)),
+                'G' => ("R", lines.columns(at, 0, 2)),
                 _ => return Ok(None),
             }
         } else {
             (lines.columns(at, 0, 1), lines.columns(at, 1, 2))
         };
-        if matches!(letter, "R" | "C" | "S" | "I") {
+        if matches!(letter, "S" | "I") {
             return Ok(None);
         }
-        let sv = if matches!(letter, "G" | "J" | "E") {
+        let sv = if matches!(letter, "G" | "J" | "R" | "E" | "C") {
             format!("{letter}{number}").parse().ok()
         } else {
             None

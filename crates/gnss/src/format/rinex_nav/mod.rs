@@ -1,12 +1,16 @@
-//! Reader of RINEX navigation files: versions 2.10 to 2.12, 3.0x and 4.0x, LNAV of GPS and QZSS, I/NAV of Galileo.
+//! Reader of RINEX navigation files: versions 2.10 to 2.12 of GPS, QZSS and GLONASS, 3.0x and 4.0x of these, Galileo
+//! I/NAV and BeiDou D1 and D2.
 //!
-//! Sources: RINEX 2.11 table A3-A4, 3.05 tables A5-A6, A8 and A13, 4.01 sections 5.2 to 5.4. Records of
-//! other systems and message types are skipped and counted. Deviations of
+//! Sources: RINEX 2.11 tables A3-A4 and A10-A11, 3.05 tables A5 to A14, 4.01 sections 5.2 to 5.4. Records of
+//! other systems and message types, F/NAV among them, are skipped and counted. Deviations of
 //! real files are accepted (D exponents, labels in any case, CRLF, blank optional fields, a missing last line);
 //! errors name file, line and what is valid.
 
+mod glonass;
 mod header;
+mod keplerian;
 mod lines;
+mod record;
 pub(super) mod write;
 
 pub use write::write;
@@ -14,29 +18,18 @@ pub use write::write;
 use crate::atmosphere::Klobuchar;
 use crate::format::records::{LeftOut, ReadError, plain, read_text};
 use crate::navigation_data::UtcParameters;
-use crate::orbit::broadcast::{NO_ACCURACY, ura_index};
-use crate::time::SECONDS_PER_WEEK;
-use crate::{Constellation, Ephemeris, NavigationData, Sv};
+use crate::{Constellation, NavigationData};
 use header::{Header, utc_parameters};
 use lines::Lines;
+use record::Record;
 use std::path::Path;
-
-/// Weeks after which the 10 bits of a week number start anew.
-const WEEKS_PER_CYCLE: i64 = 1 << 10;
-
-/// Lines of an LNAV record.
-const LINES: usize = 8;
-/// Data validity and health status of E1-B in the health word of Galileo.
-const E1_HEALTH: u16 = 0b111;
-/// The largest user range accuracy that is sent, m.
-const WORST_URA_M: f64 = 8192.0;
 
 /// Contents of a navigation file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NavigationFile {
     /// The format's version, such as 3.04.
     pub version: f64,
-    /// Ephemerides of GPS, QZSS and Galileo, ionosphere and UTC.
+    /// Ephemerides, ionosphere and UTC of GPS.
     pub data: NavigationData,
     /// Records of other systems and messages that were skipped.
     pub skipped: usize,
@@ -149,12 +142,12 @@ impl Reading {
         let Some(header) = &self.header else { return Ok(()) };
         let (first, file) = (range.start, &mut self.file);
         match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
-            None | Some(("EPH", _, "LNAV" | "INAV")) => match header.satellite(lines, first)? {
-                // The clock of F/NAV is that of E1 and E5a.
-                Some(sv) if is_of_fnav(lines, first, sv)? => file.skipped += 1,
-                Some(sv) => file.data.insert(ephemeris(lines, range, sv, header)?),
-                None => file.skipped += 1,
-            },
+            None | Some(("EPH", _, "LNAV" | "INAV" | "FNAV" | "D1" | "D2" | "FDMA")) => {
+                match header.satellite(lines, first)? {
+                    Some(sv) => file.take(&Record { lines, range, sv, version: header.version })?,
+                    None => file.skipped += 1,
+                }
+            }
             // QZSS sends coefficients of its own region, NavIC and BeiDou those of their own models.
             Some(("ION", 'G', "LNAV")) => {
                 file.data.ionosphere = ionosphere(lines, first)?.or(file.data.ionosphere);
@@ -168,121 +161,22 @@ impl Reading {
     }
 }
 
-/// Bits of the data source of a Galileo record: I/NAV of E1-B, and of E5b, which is the same.
-const INAV_SOURCES: u32 = 0b101;
-
-/// Whether the record of a satellite is that of F/NAV (RINEX 3.05 table A8, broadcast orbit 5, field 2).
-fn is_of_fnav(lines: &Lines, first: usize, sv: Sv) -> Result<bool, ReadError> {
-    if sv.constellation() != Constellation::Galileo || first + 5 >= lines.lines.len() {
-        return Ok(false);
-    }
-    let source = lines.real(first + 5, 4 + 19, 19)?;
-    Ok(source.is_some_and(|source| source as u32 & INAV_SOURCES == 0))
-}
-
-/// An LNAV or I/NAV record (RINEX 2.11 table A4, 3.05 tables A6 and A8): up to eight lines of four fields. Galileo has
-/// IODnav in place of IODE and IODC, BGD(E1, E5b) in that of IODC, and the health of all of its signals in one word.
-fn ephemeris(
-    lines: &Lines,
-    range: std::ops::Range<usize>,
-    sv: Sv,
-    header: &Header,
-) -> Result<Ephemeris, ReadError> {
-    let first = range.start;
-    let count = range.clone().filter(|at| !lines.lines[*at].is_empty()).count();
-    if count > LINES {
-        let problem = format!("the record of {sv} has {count} lines");
-        return Err(lines.malformed(first, problem, format!("it has {LINES}")));
-    }
-    let (toc, column) = if header.version < 3.0 {
-        (lines.epoch(first, 3, 2)?, 3)
-    } else {
-        (lines.epoch(first, 4, 4)?, 4)
-    };
-    let field = |k: usize| -> Result<Option<f64>, ReadError> {
-        let (row, slot) = (k / 4, k % 4);
-        if first + row >= range.end {
-            Ok(None)
-        } else {
-            lines.real(first + row, column + 19 * slot, 19)
-        }
-    };
-    let within = |k: usize, name: &str, min: f64, max: f64| -> Result<f64, ReadError> {
-        let at = (first + k / 4).min(range.end - 1);
-        let value = field(k)?;
-        value.filter(|v| (min..=max).contains(v)).ok_or_else(|| {
-            let problem = match value {
-                Some(v) => format!("{name} of {sv} is {v:e}"),
-                None if first + k / 4 >= range.end => {
-                    format!("the record of {sv} ends after {} lines, before {name}", range.len())
+impl NavigationFile {
+    /// Takes the record of a satellite.
+    fn take(&mut self, record: &Record) -> Result<(), ReadError> {
+        match record.sv.constellation() {
+            Constellation::Glonass => self.data.insert_glonass(glonass::ephemeris(record)?),
+            Constellation::Galileo if !keplerian::is_inav(record)? => self.skipped += 1,
+            constellation => {
+                self.data.insert(keplerian::ephemeris(record)?);
+                if constellation == Constellation::Galileo {
+                    let status = keplerian::galileo_status(record)?;
+                    self.data.galileo.status.insert(record.sv, status);
                 }
-                None => format!("{name} of {sv} is blank"),
-            };
-            lines.malformed(at, problem, format!("it lies in {min:e} to {max:e}"))
-        })
-    };
-    let any = |k: usize, name: &str| within(k, name, -1e9, 1e9);
-    let toe = toc.nearest_with_tow(within(12, "toe", 0.0, SECONDS_PER_WEEK as f64)?);
-    if let Some(week) = field(22)? {
-        // The week goes with toe, or with the transmission at most a fit interval away.
-        let off = (week as i64 - i64::from(toe.week())).rem_euclid(WEEKS_PER_CYCLE);
-        if (off + 1) % WEEKS_PER_CYCLE > 2 {
-            let problem =
-                format!("week {week} of {sv} does not go with its epoch, in week {}", toc.week());
-            return Err(lines.malformed(first + 5, problem, "both are of the same week"));
+            }
         }
+        Ok(())
     }
-    // The last line may be missing; where another is, this is the time of transmission.
-    if let Some(ura) = field(24)?.filter(|ura| count < LINES && *ura > WORST_URA_M) {
-        let problem = format!("the record of {sv} has {count} lines, and its URA is {ura} m");
-        return Err(lines.malformed(first, problem, format!("it has {LINES}")));
-    }
-    let is_galileo = sv.constellation() == Constellation::Galileo;
-    let last_issue = f64::from((1u16 << 10) - 1);
-    let issue = within(4, "IODE", 0.0, if is_galileo { last_issue } else { 255.0 })? as u16;
-    let (iodc, tgd, health) = match is_galileo {
-        true => (issue, any(27, "BGD")?, within(25, "health", 0.0, 511.0)? as u16 & E1_HEALTH),
-        false => {
-            let iodc = within(27, "IODC", 0.0, last_issue)? as u16;
-            (iodc, any(26, "TGD")?, within(25, "health", 0.0, 63.0)? as u16)
-        }
-    };
-    let fit = field(29)?.filter(|_| !is_galileo).unwrap_or(0.0);
-    let sent = field(28)?.filter(|tow| tow.abs() <= 2.0 * SECONDS_PER_WEEK as f64);
-    Ok(Ephemeris {
-        sv,
-        iodc,
-        iode: issue as u8,
-        // Where none is stated, what is usual; Galileo states by -1 that there is none.
-        ura_index: field(24)?.map_or(0, |m| if m < 0.0 { NO_ACCURACY } else { ura_index(m) }),
-        health: health as u8,
-        l2_codes: field(21)?.filter(|_| !is_galileo).map_or(0, |v| v.clamp(0.0, 3.0) as u8),
-        l2_p_data: field(23)?.is_some_and(|v| v != 0.0 && !is_galileo),
-        // Hours, or from older writers and of QZSS the flag itself.
-        fit_interval_flag: fit == 1.0 || fit > 4.0,
-        toc,
-        toe,
-        transmission_time: sent.map(|tow| toe.nearest_with_tow(tow)),
-        af0: any(1, "af0")?,
-        af1: any(2, "af1")?,
-        af2: any(3, "af2")?,
-        tgd,
-        sqrt_a: within(11, "sqrt(A)", 2000.0, 8192.0)?,
-        e: within(9, "e", 0.0, 0.5)?,
-        m0: any(7, "M0")?,
-        delta_n: any(6, "Delta n")?,
-        omega0: any(14, "OMEGA0")?,
-        omega_dot: any(19, "OMEGA DOT")?,
-        i0: any(16, "i0")?,
-        idot: any(20, "IDOT")?,
-        omega: any(18, "omega")?,
-        cuc: any(8, "Cuc")?,
-        cus: any(10, "Cus")?,
-        crc: any(17, "Crc")?,
-        crs: any(5, "Crs")?,
-        cic: any(13, "Cic")?,
-        cis: any(15, "Cis")?,
-    })
 }
 
 /// A version 4 `ION` record of LNAV: alpha 0-2; alpha 3, beta 0-2; beta 3.
@@ -312,5 +206,7 @@ fn time_offset(lines: &Lines, first: usize) -> Result<UtcParameters, ReadError> 
     }
 }
 
+#[cfg(test)]
+mod system_tests;
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::GpsTime;
+use crate::{Ephemeris, GpsTime};
 use proptest::prelude::*;
 
 /// A header line: contents in columns 1-60, label in 61-80.
@@ -74,9 +74,9 @@ fn the_same_record_reads_alike_from_versions_2_3_and_4() {
         labelled("", "END OF HEADER"),
     ]
     .concat();
-    let glonass =
-        "R01 2022 01 01 00 15 00 1.0E-04 0.0 0.0\n     1.0 2.0 3.0 4.0\n     1.0\n     1.0\n";
-    let v3 = parse(&(v3_header.clone() + glonass + &g01_v3()).replace('\n', "\r\n"), "v3").unwrap();
+    let sbas =
+        "S20 2022 01 01 00 15 00 1.0E-04 0.0 0.0\n     1.0 2.0 3.0 4.0\n     1.0\n     1.0\n";
+    let v3 = parse(&(v3_header.clone() + sbas + &g01_v3()).replace('\n', "\r\n"), "v3").unwrap();
     assert_eq!((only(&v3), v3.skipped), (&expected(), 1));
     assert_eq!(v3.data.ionosphere, v2.data.ionosphere);
     let utc = v3.data.utc.unwrap();

@@ -1,10 +1,12 @@
 //! The header of a RINEX observation file, and the fields of a satellite's signals in its records.
 
 use super::Source;
+use super::signals;
 use crate::format::records::{LeftOut, Line};
-use crate::signal::{GALILEO_E1B, GALILEO_E1C, GPS_L1_CA, QZSS_L1_CA};
-use crate::{GpsTime, ReadError, Sv};
+use crate::signal::Signal;
+use crate::{Constellation, GpsTime, ReadError, Sv};
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 use std::io::BufRead;
 
 /// Contents of the header of an observation file.
@@ -20,17 +22,14 @@ pub struct ObservationHeader {
     pub antenna_uen_m: Vector3<f64>,
     /// Time between epochs, s, where it is given.
     pub interval_s: Option<f64>,
+    /// Frequency channels of satellites of GLONASS.
+    pub glonass_channels: BTreeMap<Sv, i8>,
 }
 
-/// Bands and attributes of Galileo E1, the first of which a file has is used: the pilot, both components, the data, and
-/// both with the component of the regulated service (RINEX 3.04 table 8).
-const E1_ATTRIBUTES: [&str; 4] = [GALILEO_E1C.rinex, "1X", GALILEO_E1B.rinex, "1Z"];
-
-/// Fields of a satellite's record, by their index in it.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Fields of a signal in a satellite's record, by their index in it.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fields {
-    /// Number of fields of a record.
-    pub count: usize,
+    pub signal: &'static Signal,
     /// Codes, the preferred first.
     pub code: Vec<usize>,
     pub phase: Option<usize>,
@@ -48,9 +47,8 @@ pub(super) struct Signals {
     names: Vec<(char, usize, Vec<String>)>,
     /// Factors that stored values were multiplied by, by system letter, for the types named, or all.
     factors: Vec<(char, f64, Vec<String>)>,
-    pub gps: Fields,
-    pub qzss: Fields,
-    pub galileo: Fields,
+    /// By system letter.
+    fields: Vec<(char, Fields)>,
     time_system: TimeSystem,
 }
 
@@ -124,9 +122,7 @@ fn read_one<R: BufRead>(
         system: if system == 'M' { 'G' } else { system },
         names: Vec::new(),
         factors: Vec::new(),
-        gps: Fields::default(),
-        qzss: Fields::default(),
-        galileo: Fields::default(),
+        fields: Vec::new(),
         time_system: if system == 'R' { TimeSystem::Utc } else { TimeSystem::Gps },
     };
     loop {
@@ -190,8 +186,29 @@ fn take(
             header.approximate_position_m = Some(position).filter(|p| p.norm() > 1.0);
         }
         "ANTENNA: DELTA H/E/N" => header.antenna_uen_m = three(line)?,
+        "GLONASS SLOT / FRQ #" => take_channels(&mut header.glonass_channels, line)?,
         "INTERVAL" => header.interval_s = line.real(0, 10)?.filter(|s| *s > 0.0),
         _ => signals.take(line)?,
+    }
+    Ok(())
+}
+
+/// Eight slots of a line with their frequency channels, as in `R01  1 R02 -4`.
+fn take_channels(channels: &mut BTreeMap<Sv, i8>, line: &Line) -> Result<(), ReadError> {
+    for k in 0..8 {
+        let (name, channel) = (line.columns(4 + 7 * k, 3), line.columns(8 + 7 * k, 2));
+        let sv = name.replace(' ', "0").parse::<Sv>().ok();
+        let sv = sv.filter(|sv| sv.constellation() == Constellation::Glonass);
+        match (sv, channel.parse::<i8>()) {
+            _ if name.is_empty() && channel.is_empty() => continue,
+            (Some(sv), Ok(channel)) if (-7..=13).contains(&channel) => {
+                channels.insert(sv, channel);
+            }
+            _ => {
+                let problem = format!("'{name} {channel}' is no slot with its frequency channel");
+                return Err(line.malformed(problem, "as in 'R02 -4', channels from -7 to 13"));
+            }
+        }
     }
     Ok(())
 }
@@ -329,29 +346,46 @@ impl Signals {
         }
     }
 
-    /// Finds the fields of L1 C/A, and of Galileo E1, in the lists of names.
+    /// Finds the fields of the signals in the lists of names.
     pub fn resolve(&mut self) {
         let is_old = self.version < 3.0;
-        let fields = |system: char, attribute: &str| {
-            let index = |name: &str| self.index(system, name);
-            let named = |kind: char| match is_old {
-                true => index(&format!("{kind}1")),
-                false => index(&format!("{kind}{attribute}")),
+        let fields = |names: &signals::Names| {
+            let index = |name: String| self.index(names.system, &name);
+            let of = |kind: char| -> Vec<usize> {
+                match (is_old, kind) {
+                    (true, 'C') => names.old.iter().filter_map(|n| index((*n).into())).collect(),
+                    (true, _) if names.old.is_empty() => Vec::new(),
+                    (true, _) => index(format!("{kind}1")).into_iter().collect(),
+                    (false, _) => {
+                        let named = names.modern.iter().map(|name| format!("{kind}{name}"));
+                        named.filter_map(index).collect()
+                    }
+                }
             };
-            let precise = if is_old && attribute == GPS_L1_CA.rinex { index("P1") } else { None };
-            Fields {
-                count: self.names.iter().find(|n| n.0 == system).map_or(0, |n| n.1),
-                code: named('C').into_iter().chain(precise).collect(),
-                phase: named('L'),
-                doppler: named('D'),
-                strength: named('S'),
-            }
+            let first = |kind| of(kind).first().copied();
+            let (code, doppler) = (of('C'), first('D'));
+            let fields = Fields {
+                signal: names.signal,
+                code,
+                phase: first('L'),
+                doppler,
+                strength: first('S'),
+            };
+            let is_there = !fields.code.is_empty() || doppler.is_some();
+            is_there.then_some((names.system, fields))
         };
-        let of = |system| if is_old { 'G' } else { system };
-        let (gps, qzss) = (fields('G', GPS_L1_CA.rinex), fields(of('J'), QZSS_L1_CA.rinex));
-        let galileo = E1_ATTRIBUTES.map(|attribute| fields(of('E'), attribute));
-        let measured = galileo.into_iter().find(|fields| !fields.code.is_empty());
-        (self.gps, self.qzss, self.galileo) = (gps, qzss, measured.unwrap_or_default());
+        self.fields = signals::ALL.iter().filter_map(fields).collect();
+    }
+
+    /// The signals of a system's records.
+    pub fn of(&self, sv: Sv) -> impl Iterator<Item = &Fields> {
+        let letter = sv.constellation().letter();
+        self.fields.iter().filter(move |(system, _)| *system == letter).map(|f| &f.1)
+    }
+
+    /// Number of fields of a record of version 2.
+    pub fn old_count(&self) -> usize {
+        self.names.first().map_or(0, |n| n.1)
     }
 
     /// The factor of the field `k` of a system's records.
@@ -363,16 +397,15 @@ impl Signals {
         self.factors.iter().rfind(of).map_or(1.0, |factor| factor.1)
     }
 
-    /// The index of a type of observation in the records of a system.
+    /// The index of a type of observation in the records of a system: in version 2 one list is for all.
     fn index(&self, system: char, name: &str) -> Option<usize> {
-        let (.., names) = self.names.iter().find(|n| n.0 == system)?;
+        let (.., names) = self.names.iter().find(|n| n.0 == system || self.version < 3.0)?;
         names.iter().position(|n| n.eq_ignore_ascii_case(name))
     }
 
     /// The same, for the records of a satellite.
     pub fn index_of(&self, sv: Sv, name: &str) -> Option<usize> {
-        let is_old = self.version < 3.0;
-        self.index(if is_old { 'G' } else { sv.constellation().letter() }, name)
+        self.index(sv.constellation().letter(), name)
     }
 
     /// GPS time of a date as the file prints it.

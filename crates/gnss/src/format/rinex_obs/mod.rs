@@ -1,8 +1,9 @@
-//! Reader of RINEX observation files: versions 2.10 to 2.12, 3.0x and 4.0x, GPS and QZSS L1 C/A.
+//! Reader of RINEX observation files: versions 2.10 to 2.12, 3.0x and 4.0x; the signals of GPS, QZSS, Galileo, BeiDou
+//! and GLONASS on L1, E1 and B1.
 //!
-//! Sources: RINEX 2.11 tables A1 and A2, 3.04 tables A2 and A3. Of version 2 the code is C1, and P1 where
-//! C1 is missing; of versions 3 and 4 it is C1C; beside it L1, D1 and S1 (L1C, D1C, S1C). Satellites of
-//! other systems, and those without code and Doppler, are skipped and counted. A Doppler is positive when
+//! Sources: RINEX 2.11 tables A1 and A2, 3.04 tables 4 to 9, A2 and A3. Of version 2 the code of GPS is C1, and P1 where
+//! C1 is missing, that of GLONASS and Galileo C1; of versions 3 and 4 they are those of the module `signals`; beside it L1, D1 and
+//! S1 (L1C, D1C, S1C). Satellites of other systems, and those without code and Doppler, are skipped and counted. A Doppler is positive when
 //! the satellite approaches. Standard deviations are those of [`typical_noise`] at the file's C/N0, which is
 //! S1, or else the middle of the class that the signal strength digit names, or else unknown (NaN).
 //!
@@ -19,6 +20,7 @@
 mod compact;
 mod header;
 mod records;
+mod signals;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -191,9 +193,9 @@ impl<R: BufRead> Iterator for ObservationReader<R> {
     type Item = Result<ObservationEpoch, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let epoch = self.next_epoch(records::observation).transpose()?;
+        let epoch = self.next_epoch(records::observations).transpose()?;
         Some(epoch.map(|Epoch { receive_time, power_failed, satellites }| {
-            let mut observations: Vec<Observation> = satellites;
+            let mut observations: Vec<Observation> = satellites.into_iter().flatten().collect();
             observations.iter_mut().for_each(|o| o.lost_lock |= power_failed);
             observations.sort_by_key(|o| o.transmission);
             let sample = receive_time - self.first.unwrap_or(receive_time);

@@ -1,10 +1,10 @@
 //! The records of a RINEX observation file: epochs, their satellites, and events between them.
 
 use super::ObservationReader;
-use super::header::{self, Signals};
+use super::header::{self, Fields, Signals};
 use crate::format::records::Line;
 use crate::observation::{CodeRange, Observation, typical_noise};
-use crate::{Constellation, GpsTime, ReadError, Sv, signal};
+use crate::{GpsTime, ReadError, Sv, Transmission};
 use std::collections::BTreeMap;
 use std::io::BufRead;
 
@@ -311,7 +311,7 @@ fn old_satellites<R: BufRead, T>(
         }
     }
     let mut taken = Vec::new();
-    let lines_each = reader.signals.gps.count.div_ceil(FIELDS_PER_LINE);
+    let lines_each = reader.signals.old_count().div_ceil(FIELDS_PER_LINE);
     for (name, number) in names {
         let mut lines = Vec::with_capacity(lines_each);
         for _ in 0..lines_each {
@@ -343,8 +343,8 @@ fn known(name: &str, line: &Line, system: char) -> Result<Option<Sv>, ReadError>
     let number = name.trim_start_matches(|c: char| c.is_ascii_alphabetic()).trim();
     let letter = letter.unwrap_or(system).to_ascii_uppercase();
     let sv = match (letter, number.parse::<u8>()) {
-        ('R' | 'S' | 'C' | 'I' | 'T', Ok(_)) => return Ok(None),
-        ('G' | 'J' | 'E', Ok(number)) => format!("{letter}{number:02}").parse().ok(),
+        ('S' | 'I' | 'T', Ok(_)) => return Ok(None),
+        ('G' | 'J' | 'R' | 'E' | 'C', Ok(number)) => format!("{letter}{number:02}").parse().ok(),
         _ => None,
     };
     sv.map(Some).ok_or_else(|| {
@@ -384,17 +384,23 @@ impl Field<'_> {
     }
 }
 
-/// The observation of a satellite; none if it has neither code nor Doppler.
-pub(super) fn observation<'a>(
+/// The observations of a satellite, one of each signal that has code or Doppler; none if none has.
+pub(super) fn observations<'a>(
     sv: Sv,
     signals: &Signals,
     field: &dyn Fn(usize) -> Field<'a>,
+) -> Result<Option<Vec<Observation>>, ReadError> {
+    let of_signal = |fields: &Fields| observation(sv, fields, field).transpose();
+    let list: Vec<Observation> = signals.of(sv).filter_map(of_signal).collect::<Result<_, _>>()?;
+    Ok((!list.is_empty()).then_some(list))
+}
+
+/// The observation of one of its signals.
+fn observation<'a>(
+    sv: Sv,
+    fields: &Fields,
+    field: &dyn Fn(usize) -> Field<'a>,
 ) -> Result<Option<Observation>, ReadError> {
-    let fields = match sv.constellation() {
-        Constellation::Qzss => &signals.qzss,
-        Constellation::Galileo => &signals.galileo,
-        _ => &signals.gps,
-    };
     let value = |k: Option<usize>| k.map_or(Ok(None), |k| field(k).value());
     let mut code = None;
     for &k in &fields.code {
@@ -415,7 +421,7 @@ pub(super) fn observation<'a>(
     let cn0_dbhz = stated.or_else(class);
     let (range_sigma_m, doppler_sigma_hz) = typical_noise(cn0_dbhz);
     Ok(Some(Observation {
-        transmission: signal::of(sv),
+        transmission: Transmission { sv, signal: fields.signal },
         range: code.map(CodeRange::Pseudorange),
         range_sigma_m,
         doppler_hz: doppler,

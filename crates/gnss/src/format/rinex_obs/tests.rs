@@ -77,11 +77,12 @@ fn versions_2_and_3_are_read_field_by_field() {
     assert_eq!(reader.header().approximate_position_m.unwrap().z, 3_207_245.542);
     let epoch = reader.next().unwrap().unwrap();
     assert!(reader.next().is_none());
-    assert_eq!((reader.skipped(), reader.bytes()), (1, text.len() as u64));
+    assert_eq!((reader.skipped(), reader.bytes()), (0, text.len() as u64));
     assert_eq!(epoch.receive_time, GpsTime::from_calendar(2015, 7, 19, 0, 0, 0.0));
     let names: Vec<String> = epoch.observations.iter().map(|o| o.sv().to_string()).collect();
-    assert_eq!(names, ["G02", "G12", "J03"], "a name without letter is of GPS");
-    let [first, p_code, last] = &epoch.observations[..] else { panic!("three") };
+    assert_eq!(names, ["G02", "G12", "J03", "R05"], "a name without letter is of GPS");
+    let [first, p_code, last, glonass] = &epoch.observations[..] else { panic!("four") };
+    assert_eq!(range(glonass), 20_272_180.010);
     assert_eq!((range(first), first.doppler_hz), (21_276_226.827, Some(-1_011.373)));
     assert_eq!((first.carrier_phase_cycles, first.lost_lock), (Some(-20_304_412.007), true));
     assert_eq!(first.cn0_dbhz, Some(45.77));
@@ -92,7 +93,8 @@ fn versions_2_and_3_are_read_field_by_field() {
 
     let epochs = read(&(v3_header() + V3_EPOCH)).unwrap();
     assert_eq!(epochs[0].receive_time, GpsTime::from_calendar(2024, 6, 24, 8, 20, 0.0));
-    let [gps, qzss] = &epochs[0].observations[..] else { panic!("two") };
+    let [gps, qzss, glonass] = &epochs[0].observations[..] else { panic!("three") };
+    assert_eq!(range(glonass), 20_272_180.010);
     assert_eq!(
         gps,
         &Observation { transmission: signal::of("G02".parse().unwrap()), ..first.clone() }
@@ -111,12 +113,62 @@ fn pseudoranges_of_any_signals_are_read_by_name() {
     };
     // C2 of G02 is zero, which means missing; of J03 there is only C1, of G12 none.
     let (names, ranges) = next(v2_header() + V2_EPOCH, &["C1", "C2", "P2"]);
-    assert_eq!(names, "G02 J03");
+    assert_eq!(names, "G02 J03 R05");
     assert_eq!(ranges[0], [Some(21_276_226.827), None, Some(21_276_226.580)]);
     assert_eq!(ranges[1], [Some(22_314_760.896), None, None]);
     let (names, ranges) = next(v3_header() + V3_EPOCH, &["C5Q", "C1C"]);
-    assert_eq!(names, "G02 J02");
-    assert_eq!(ranges, [[None, Some(21_276_226.827)], [None, Some(38e6)]]);
+    assert_eq!(names, "G02 J02 R05");
+    let of_c1c = [21_276_226.827, 38e6, 20_272_180.010];
+    assert_eq!(ranges, of_c1c.map(|range_m| [None, Some(range_m)]));
+}
+
+#[test]
+fn signals_of_all_systems_are_read_by_their_names() {
+    let text = [
+        labelled("     3.04           OBSERVATION DATA    M", "RINEX VERSION / TYPE"),
+        labelled("G    3 C1C C1L C5Q", "SYS / # / OBS TYPES"),
+        labelled("E    4 C1B C1X D1X C5Q", "SYS / # / OBS TYPES"),
+        labelled("C    4 C1I D1I C1P C1D", "SYS / # / OBS TYPES"),
+        labelled("R    1 C1C", "SYS / # / OBS TYPES"),
+        labelled("S    1 C1C", "SYS / # / OBS TYPES"),
+        labelled("  3 R01  1 R02 -4 R24  2", "GLONASS SLOT / FRQ #"),
+        labelled("  1 R03 99", "GLONASS SLOT / FRQ #"),
+        labelled("", "END OF HEADER"),
+        "> 2024 06 24 08 20 00.0000000  0  6\n".to_owned(),
+        "G04  21000000.001    21000000.002    21000000.003\n".to_owned(),
+        "E11  24000000.001    24000000.002         100.000    24000000.003\n".to_owned(),
+        "C23  23000000.001         200.000    23000000.002    23000000.003\n".to_owned(),
+        "C40                                                  38000000.003\n".to_owned(),
+        "R02  20000000.001\n".to_owned(),
+        "S20  38000000.001\n".to_owned(),
+    ]
+    .concat();
+    let mut reader = ObservationReader::new(text.as_bytes(), "x").unwrap();
+    let epoch = reader.next().unwrap().unwrap();
+    let read = |o: &Observation| (o.sv().to_string(), o.transmission.signal.name, range(o) % 1e6);
+    let read: Vec<_> = epoch.observations.iter().map(read).collect();
+    let millimetres = |(sv, name, metres): &(String, &'static str, f64)| {
+        (sv.clone(), *name, (metres * 1e3).round())
+    };
+    let expected = [
+        ("G04", "GPS L1 C/A", 1.0),
+        ("G04", "GPS L1C-P", 2.0),
+        ("E11", "Galileo E1-B", 1.0),
+        ("E11", "Galileo E1-C", 2.0),
+        ("C23", "BeiDou B1C data", 3.0),
+        ("C23", "BeiDou B1C pilot", 2.0),
+        ("C23", "BeiDou B1I", 1.0),
+        ("C40", "BeiDou B1C data", 3.0),
+        ("R02", "GLONASS L1OF", 1.0),
+    ];
+    let expected: Vec<_> = expected.iter().map(|(sv, n, mm)| ((*sv).to_owned(), *n, *mm)).collect();
+    assert_eq!(read.iter().map(millimetres).collect::<Vec<_>>(), expected);
+    assert_eq!(epoch.observations[3].doppler_hz, Some(100.0));
+    // SBAS.
+    assert_eq!(reader.skipped(), 1);
+    let channels: Vec<i8> = reader.header().glonass_channels.values().copied().collect();
+    assert_eq!(channels, [1, -4, 2]);
+    assert!(reader.left_out().kinds()[0].first.contains("'R03 99' is no slot"));
 }
 
 /// Standard deviation of the code at a C/N0.
