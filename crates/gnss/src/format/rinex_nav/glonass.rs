@@ -1,6 +1,6 @@
 //! Records of GLONASS: four lines (RINEX 2.11 table A11, 3.04 table A10), or five (3.05 table A10).
 
-use super::record::Record;
+use super::record::RecordFields;
 use crate::format::records::ReadError;
 use crate::time::SECONDS_PER_WEEK;
 use crate::{GlonassEphemeris, GpsTime};
@@ -15,7 +15,7 @@ const LN_FLAG: u32 = 1;
 const LN_HEALTH: u8 = 8;
 
 /// The ephemeris of a record.
-pub fn ephemeris(r: &Record) -> Result<GlonassEphemeris, ReadError> {
+pub fn ephemeris(r: &RecordFields) -> Result<GlonassEphemeris, ReadError> {
     r.count(LINES)?;
     // Epochs are in UTC, positions in km.
     let (year, month, day, hour, minute, second) = r.epoch()?.calendar();

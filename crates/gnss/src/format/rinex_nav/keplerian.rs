@@ -1,7 +1,7 @@
 //! Records of GPS and QZSS LNAV, Galileo I/NAV, BeiDou D1 and D2: up to eight lines of four fields (RINEX 2.11 table A4,
 //! 3.05 tables A6, A8, A14), which differ by system in few of them.
 
-use super::record::Record;
+use super::record::RecordFields;
 use crate::format::records::ReadError;
 use crate::galileo_data::{GalileoHealth, GalileoStatus};
 use crate::orbit::broadcast::{NO_ACCURACY, ura_index};
@@ -19,7 +19,7 @@ const WORST_URA_M: f64 = 8192.0;
 const OF_INAV: u32 = 0b101;
 
 /// The ephemeris of a record.
-pub fn ephemeris(r: &Record) -> Result<Ephemeris, ReadError> {
+pub fn ephemeris(r: &RecordFields) -> Result<Ephemeris, ReadError> {
     let (sv, system) = (r.sv, r.sv.constellation());
     let count = r.count(LINES)?;
     // In the time of the system, and by its week, up to the end.
@@ -103,12 +103,12 @@ pub fn ephemeris(r: &Record) -> Result<Ephemeris, ReadError> {
 }
 
 /// Whether a record of Galileo is one of I/NAV.
-pub fn is_inav(r: &Record) -> Result<bool, ReadError> {
+pub fn is_inav(r: &RecordFields) -> Result<bool, ReadError> {
     Ok(r.field(21)?.is_some_and(|source| source as u32 & OF_INAV != 0))
 }
 
 /// What a record of Galileo's I/NAV holds beside the ephemeris.
-pub fn galileo_status(r: &Record) -> Result<GalileoStatus, ReadError> {
+pub fn galileo_status(r: &RecordFields) -> Result<GalileoStatus, ReadError> {
     let word = r.within(25, "health", 0.0, 511.0)? as u16;
     let bits = |from: u16, mask: u16| (word >> from & mask) as u8;
     Ok(GalileoStatus {

@@ -21,7 +21,7 @@ use crate::navigation_data::UtcParameters;
 use crate::{Constellation, NavigationData};
 use header::{Header, utc_parameters};
 use lines::Lines;
-use record::Record;
+use record::RecordFields;
 use std::path::Path;
 
 /// Contents of a navigation file.
@@ -144,7 +144,9 @@ impl Reading {
         match frame.as_ref().map(|f| (f.kind, f.system(), f.message)) {
             None | Some(("EPH", _, "LNAV" | "INAV" | "FNAV" | "D1" | "D2" | "FDMA")) => {
                 match header.satellite(lines, first)? {
-                    Some(sv) => file.take(&Record { lines, range, sv, version: header.version })?,
+                    Some(sv) => {
+                        file.take(&RecordFields { lines, range, sv, version: header.version })?
+                    }
                     None => file.skipped += 1,
                 }
             }
@@ -163,7 +165,7 @@ impl Reading {
 
 impl NavigationFile {
     /// Takes the record of a satellite.
-    fn take(&mut self, record: &Record) -> Result<(), ReadError> {
+    fn take(&mut self, record: &RecordFields) -> Result<(), ReadError> {
         match record.sv.constellation() {
             Constellation::Glonass => self.data.insert_glonass(glonass::ephemeris(record)?),
             Constellation::Galileo if !keplerian::is_inav(record)? => self.skipped += 1,

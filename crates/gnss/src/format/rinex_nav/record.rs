@@ -6,7 +6,7 @@ use crate::{GpsTime, Sv};
 use std::ops::Range;
 
 /// The record of a satellite: lines of four fields, the first of which hold its epoch.
-pub struct Record<'a> {
+pub struct RecordFields<'a> {
     pub lines: &'a Lines<'a>,
     pub range: Range<usize>,
     pub sv: Sv,
@@ -14,7 +14,7 @@ pub struct Record<'a> {
     pub version: f64,
 }
 
-impl Record<'_> {
+impl RecordFields<'_> {
     /// Column where the fields of a line begin.
     fn column(&self) -> usize {
         if self.version < 3.0 { 3 } else { 4 }
