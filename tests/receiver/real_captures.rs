@@ -97,18 +97,21 @@ const IFEN: Capture = Capture {
 };
 
 /// The samples jump twice, 3 and 22 ms after the start. As for IFEN, G19 (35.1), G13 (33.8) and G32 and
-/// G06 (32) pass with 1e-7 or less, and cross-correlations of G30 (53.3) are below 31.7 dB-Hz.
+/// G06 (32) pass with 1e-7 or less, and cross-correlations of G30 (53.3) are below 31.7 dB-Hz. E11 and E12 are two of the
+/// satellites of Galileo that sent in April 2015.
 const JRC: Capture = Capture {
     files: &["jrc.sdrx", "jrc_L1L2L5_5MHz_1bit.bin"],
     options: &[],
     certain: &["G30", "G01", "G11", "G07", "G04", "G28", "G17", "G03", "G09"],
-    possible: &["G19", "G13", "G32", "G06"],
+    possible: &["G19", "G13", "G32", "G06", "E11", "E12"],
 };
 
+/// Of Galileo two satellites sent in July 2012, the first pair, E11 and E12: both are found, and no other of 36, with
+/// Dopplers among those of GPS, 9 kHz up by the receiver's clock.
 const CTTC: Capture = Capture {
     files: &["cttc_L1_4MHz_4ms_cf32.bin"],
     options: &["-f", "cf32", "-r", "4M", "--doppler-max", "15k"],
-    certain: &["G29", "G25", "G31", "G12", "G02"],
+    certain: &["G29", "G25", "G31", "G12", "G02", "E11", "E12"],
     possible: &[],
 };
 
