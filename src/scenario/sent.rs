@@ -32,7 +32,7 @@ pub enum MessageError {
 #[derive(Clone, Debug)]
 pub(super) enum Sent {
     /// The bits of LNAV.
-    Lnav(MessageStream),
+    Lnav(Box<MessageStream>),
     /// The symbols of I/NAV, one a code period.
     Inav(Box<InavStream>),
     /// A pilot's secondary code.
@@ -52,7 +52,8 @@ impl Sent {
         }
         Ok(match component.sv.constellation() {
             Constellation::Gps | Constellation::Qzss => {
-                Some(Self::Lnav(MessageStream::new(ephemeris.clone(), Arc::clone(constellation))?))
+                let message = MessageStream::new(ephemeris.clone(), Arc::clone(constellation))?;
+                Some(Self::Lnav(Box::new(message)))
             }
             Constellation::Galileo => {
                 Some(Self::Inav(Box::new(InavStream::new(ephemeris.clone(), utc)?)))

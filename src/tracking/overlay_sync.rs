@@ -77,7 +77,7 @@ impl OverlaySynchroniser {
     /// multiplications a code period for each chip.
     pub(super) fn push(&mut self, interval: u64, prompt: Complex64) {
         self.sum += prompt;
-        if (interval + 1) % self.intervals != 0 {
+        if !(interval + 1).is_multiple_of(self.intervals) {
             return;
         }
         let now = std::mem::take(&mut self.sum);
