@@ -10,9 +10,11 @@ mod discriminators;
 mod lock;
 mod log;
 mod loop_filter;
+mod smoothing;
 mod symbol_sync;
 
 pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};
 pub use lock::LockState;
 pub use log::{TrackLog, observation_epoch, observation_epochs};
+pub use smoothing::{Smoother, Smoothing, smooth_recording};
 pub use symbol_sync::Symbol;
