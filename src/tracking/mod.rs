@@ -10,6 +10,7 @@ mod discriminators;
 mod lock;
 mod log;
 mod loop_filter;
+mod phase_lock;
 mod smoothing;
 mod symbol_sync;
 
