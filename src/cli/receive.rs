@@ -100,6 +100,25 @@ pub(super) struct Solve {
     /// Bandwidth of the delay-locked loop, Hz
     #[arg(long, value_name = "HZ", default_value_t = 0.5, help_heading = "Tracking")]
     pub dll_bw: f64,
+    /// Window of the carrier smoothing of pseudoranges, s, or off; observation files stay unsmoothed
+    #[arg(long, value_name = "S|off", default_value = "100", value_parser = smoothing, help_heading = "Tracking")]
+    pub smoothing: Window,
+}
+
+/// `--smoothing`: a window, s, or none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Window(pub(super) Option<f64>);
+
+/// Reads `--smoothing`.
+pub(super) fn smoothing(text: &str) -> Result<Window, String> {
+    let window_s = text.parse().ok().filter(|s| (1.0..=3600.0).contains(s));
+    match (text, window_s) {
+        ("off", _) => Ok(Window(None)),
+        (_, Some(window_s)) => Ok(Window(Some(window_s))),
+        _ => Err(format!(
+            "'{text}' is no window of smoothing: write seconds from 1 to 3600, such as 100, or off"
+        )),
+    }
 }
 
 /// `--method`.
@@ -272,6 +291,7 @@ pub fn echo(options: &ReceiverOptions) -> serde_json::Value {
         "coherent_ms": options.tracking.coherent_ms,
         "pll_hz": options.tracking.pll_hz,
         "dll_hz": options.tracking.dll_hz,
+        "smoothing_s": options.smoothing_s,
         "interval_s": options.interval_s,
         "observable": options.positioning.observable,
         "systems": options.positioning.systems.to_string(),
@@ -313,6 +333,7 @@ impl Solve {
         options.tracking.coherent_ms = self.coherent_ms;
         options.tracking.pll_hz = self.pll_bw;
         options.tracking.dll_hz = self.dll_bw;
+        options.smoothing_s = self.smoothing.0;
         options.positioning = PositioningOptions {
             time_uncertainty_s: self.time_uncertainty,
             ..self.corrections.options()?
@@ -346,6 +367,15 @@ mod tests {
         assert_eq!(duration("7d"), Ok(604_800.0));
         for wrong in ["", "h", "5 h", "5m", "inf", "nan", "5hours"] {
             assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn windows_of_smoothing_are_seconds_or_off() {
+        assert_eq!(smoothing("100"), Ok(Window(Some(100.0))));
+        assert_eq!(smoothing("off"), Ok(Window(None)));
+        for wrong in ["", "0", "-5", "0.5", "nan", "inf", "1e9", "on", "100s"] {
+            assert!(smoothing(wrong).is_err_and(|e| e.contains("seconds from 1")), "{wrong}");
         }
     }
 }

@@ -32,7 +32,7 @@ use crate::front_end::{ImpulseReport, Interferer, Suppression};
 use crate::gnss::antenna::ArrayDescription;
 use crate::gnss::{GpsTime, NavigationData};
 use crate::position::PositioningOptions;
-use crate::tracking::TrackingOptions;
+use crate::tracking::{Smoothing, TrackingOptions};
 use chunks::Chunks;
 use find::{BeamFormer, Region};
 use head::{Gathering, Head, acquire_head};
@@ -61,6 +61,9 @@ pub struct ReceiverOptions {
     pub search: SearchOptions,
     /// The loops.
     pub tracking: TrackingOptions,
+    /// Window of the carrier smoothing of pseudoranges, s: positions are solved from smoothed ones, observations are told
+    /// as measured. None without.
+    pub smoothing_s: Option<f64>,
     /// The position solutions.
     pub positioning: PositioningOptions,
     /// Navigation data known beforehand.
@@ -94,6 +97,7 @@ impl Default for ReceiverOptions {
         Self {
             search: SearchOptions::default(),
             tracking: TrackingOptions::default(),
+            smoothing_s: Some(Smoothing::WINDOW_S),
             positioning: PositioningOptions::default(),
             navigation: NavigationData::default(),
             time: None,
@@ -106,6 +110,13 @@ impl Default for ReceiverOptions {
             decimation: 1,
             history_s: 86_400.0,
         }
+    }
+}
+
+impl ReceiverOptions {
+    /// The smoothing of this receiver's pseudoranges, where that is on.
+    pub(crate) fn smoothing(&self) -> Option<Smoothing> {
+        self.smoothing_s.map(|window_s| Smoothing::of_code_loop(window_s, self.tracking.dll_hz))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::gnss::message::sbas;
 use crate::gnss::observation::ObservationEpoch;
 use crate::gnss::{GpsTime, NavigationData, Sv};
 use crate::position::{Fix, PositioningError, Sequence, candidates, solve_epoch};
-use crate::tracking::{TrackLog, observation_epochs};
+use crate::tracking::{TrackLog, observation_epochs, smooth_recording};
 use rayon::prelude::*;
 
 /// Propagation time of the nearest satellite for the first receive time, s.
@@ -27,6 +27,7 @@ pub struct Tracks {
 
 /// The solutions.
 pub(super) struct Resolved {
+    /// As they were measured.
     pub(super) epochs: Vec<ObservationEpoch>,
     pub(super) fixes: Vec<Fix>,
     /// Why there is no fix.
@@ -50,7 +51,7 @@ impl Tracks {
             };
             return Resolved { epochs: Vec::new(), fixes: Vec::new(), reason: Some(reason) };
         };
-        let epochs_from = |origin| observation_epochs(&self.logs, origin, self.rate_hz);
+        let epochs_from = |origin| observation_epochs(self.logs.iter(), origin, self.rate_hz);
         let positioning = &options.positioning;
         // The first solution tells the receiver's clock; times are then right to 0.1 us.
         let bias = |e| solve_epoch(e, navigation, positioning).ok()?.clock_bias_s;
@@ -58,7 +59,8 @@ impl Tracks {
         let origin = bias_s.map_or(origin, |bias_s| round_time(origin - bias_s));
         let epochs = epochs_from(origin);
         let solve = |epoch| candidates(epoch, navigation, positioning, &mut |_| ());
-        let solved: Vec<_> = epochs.par_iter().map(solve).collect();
+        let smoothed = options.smoothing().map(|smoothing| smooth_recording(&epochs, &smoothing));
+        let solved: Vec<_> = smoothed.as_ref().unwrap_or(&epochs).par_iter().map(solve).collect();
         let mut sequence = Sequence::default();
         let solved: Vec<Result<Fix, PositioningError>> =
             solved.into_iter().map(|solved| sequence.judge(solved?)).collect();

@@ -21,7 +21,7 @@ use crate::gnss::navigation_data::UtcParameters;
 use crate::gnss::observation::{CodeRange, ObservationEpoch};
 use crate::gnss::{NavigationData, Sv, Transmission};
 use crate::position::{Sequence, candidates};
-use crate::tracking::{LockState, TrackLog, observation_epoch};
+use crate::tracking::{LockState, Smoother, TrackLog, observation_epoch, observation_epochs};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -85,6 +85,8 @@ pub(super) struct Tracker {
     jumps: Vec<(u64, f64)>,
     /// The scale of the errors, from the epochs so far.
     sequence: Sequence,
+    /// Smooths the pseudoranges that positions are solved from.
+    smoother: Option<Smoother>,
     /// The last instant that was examined, and the last at which all satellites agreed.
     examined: Option<u64>,
     agreed: Option<u64>,
@@ -145,6 +147,7 @@ impl Tracker {
             ready: BTreeMap::new(),
             jumps: Vec::new(),
             sequence: Sequence::default(),
+            smoother: options.smoothing().map(Smoother::new),
             assumed_week: week.is_none(),
             examined: None,
             agreed: None,
@@ -465,13 +468,20 @@ impl Tracker {
             let Some((origin, bias_s)) = origin.and_then(|o| Some((o, bias_at(o)?))) else {
                 return;
             };
-            self.clock.set_origin(round_time(origin - bias_s));
+            let origin = round_time(origin - bias_s);
+            self.clock.set_origin(origin);
+            if let Some(smoother) = &mut self.smoother {
+                let before = observation_epochs(logs.iter().copied(), origin, rate_hz);
+                let before = before.iter().filter(|epoch| epoch.sample < newest as f64);
+                before.for_each(|epoch| drop(smoother.smooth(epoch)));
+            }
             instants = vec![newest];
         }
         let Some(origin) = self.clock.origin() else { return };
         for sample in instants {
             let Some(epoch) = epoch_at(sample, origin) else { continue };
-            let solved = solve(&epoch);
+            let smoothed = self.smoother.as_mut().map(|smoother| smoother.smooth(&epoch));
+            let solved = solve(smoothed.as_ref().unwrap_or(&epoch));
             emit(Event::Observed(epoch));
             match solved {
                 Ok(fix) => {

@@ -1,10 +1,14 @@
 //! From tracks to pseudoranges: the measurements of each channel at the common receive instants, dated by the
 //! navigation message.
 
+use super::phase_lock::PhaseLock;
 use super::{Epoch, Quality};
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::observation::{CodeRange, Observation, ObservationEpoch};
 use crate::gnss::{GpsTime, Transmission};
+
+/// Time after a start in which the loops still pull in, s: carrier and code are not yet in step.
+const PULL_IN_S: f64 = 2.0;
 
 /// Measurements of one track at the receive instants, a few numbers each: its memory grows with the number of
 /// instants, not of samples.
@@ -16,8 +20,7 @@ pub struct TrackLog {
     /// Correlation intervals whose time of transmission is known, s of week, in order.
     anchors: Vec<(u64, f64)>,
     last: Option<Epoch>,
-    /// Whether nothing was measured.
-    is_empty: bool,
+    phase_lock: PhaseLock,
 }
 
 /// A track at one receive instant.
@@ -25,8 +28,8 @@ pub struct TrackLog {
 struct Measurement {
     /// Sample at which it was measured.
     sample: u64,
-    /// Whether it is the first of its track.
-    is_first: bool,
+    /// Whether the carrier may have slipped since the measurement before.
+    slipped: bool,
     /// Correlation interval under way, and how much of it has passed.
     period: u64,
     fraction: f64,
@@ -43,7 +46,7 @@ impl TrackLog {
             measurements: Vec::new(),
             anchors: Vec::new(),
             last: None,
-            is_empty: true,
+            phase_lock: PhaseLock::default(),
         }
     }
 
@@ -57,6 +60,9 @@ impl TrackLog {
         for &epoch in epochs {
             let Some(last) = self.last.replace(epoch) else { continue };
             let length = epoch.start_sample - last.start_sample;
+            let length_s = self.interval_s() * (epoch.period - last.period) as f64;
+            self.phase_lock.push(last.prompt, length_s, quality.cn0_dbhz);
+            let pulls_in = last.period as f64 * self.interval_s() < PULL_IN_S;
             let first = instants.partition_point(|&s| (s as f64) < last.start_sample);
             for &sample in &instants[first..] {
                 if sample as f64 >= epoch.start_sample {
@@ -65,7 +71,7 @@ impl TrackLog {
                 let fraction = (sample as f64 - last.start_sample) / length;
                 self.measurements.push(Measurement {
                     sample,
-                    is_first: self.is_empty,
+                    slipped: self.phase_lock.take_slip() || pulls_in,
                     period: last.period,
                     fraction,
                     carrier_cycles: last.carrier_cycles
@@ -73,7 +79,6 @@ impl TrackLog {
                     doppler_hz: last.doppler_hz,
                     quality: *quality,
                 });
-                self.is_empty = false;
             }
         }
     }
@@ -115,9 +120,13 @@ impl TrackLog {
         self.anchors.iter_mut().for_each(|(_, tow_s)| *tow_s += later_s);
     }
 
-    /// Forgets what was measured after a sample and up to another.
+    /// Forgets what was measured after a sample and up to another, where samples were lost: the carrier does not go on
+    /// from one to the other.
     pub fn forget_between(&mut self, after: u64, until: u64) {
         self.measurements.retain(|m| m.sample <= after || m.sample > until);
+        if let Some(next) = self.measurements.iter_mut().find(|m| m.sample > until) {
+            next.slipped = true;
+        }
     }
 
     /// Dates what was measured after a sample by so many correlation intervals later.
@@ -183,7 +192,7 @@ impl TrackLog {
             doppler_hz: Some(m.doppler_hz),
             doppler_sigma_hz: m.quality.doppler_sigma_hz,
             carrier_phase_cycles: Some(-m.carrier_cycles),
-            lost_lock: m.is_first,
+            lost_lock: m.slipped,
             cn0_dbhz: m.quality.cn0_dbhz,
         })
     }
@@ -207,16 +216,16 @@ pub fn observation_epoch<'a>(
 }
 
 /// The dated measurements of all tracks at all samples at which any measured, in order of time.
-pub fn observation_epochs(
-    logs: &[TrackLog],
+pub fn observation_epochs<'a>(
+    logs: impl Iterator<Item = &'a TrackLog> + Clone,
     origin: GpsTime,
     rate_hz: f64,
 ) -> Vec<ObservationEpoch> {
     let mut samples: Vec<u64> =
-        logs.iter().flat_map(|log| log.measurements.iter().map(|m| m.sample)).collect();
+        logs.clone().flat_map(|log| log.measurements.iter().map(|m| m.sample)).collect();
     samples.sort_unstable();
     samples.dedup();
-    let epoch = |sample| observation_epoch(logs.iter(), sample, origin, rate_hz);
+    let epoch = |sample| observation_epoch(logs.clone(), sample, origin, rate_hz);
     samples.into_iter().filter_map(epoch).collect()
 }
 
@@ -260,7 +269,7 @@ mod tests {
         log.anchor(1000, sent + 0.5);
         assert_eq!(log.anchors.len(), 1, "the second follows from the first");
         let received = GpsTime::from_week_tow(2190, sent - 0.5 + 0.07 - start);
-        let epochs = observation_epochs(&[log], received, RATE);
+        let epochs = observation_epochs([&log].into_iter(), received, RATE);
         assert_eq!(epochs.len(), 29, "instants 1 to 29, the code starts after instant 0");
         for epoch in &epochs {
             let t = epoch.sample / RATE;

@@ -12,9 +12,12 @@ mod log;
 mod loop_filter;
 mod overlay_sync;
 mod peaks;
+mod phase_lock;
+mod smoothing;
 mod symbol_sync;
 
 pub use channel::{Channel, Epoch, Quality, TrackStart, TrackingOptions};
 pub use lock::LockState;
 pub use log::{TrackLog, observation_epoch, observation_epochs};
+pub use smoothing::{Smoother, Smoothing, smooth_recording};
 pub use symbol_sync::Symbol;
