@@ -253,7 +253,7 @@ fn errors(answer: &Answer, place: &Value) -> Vec<f64> {
 fn galileo_alone_and_with_gps_fixes_its_place_and_the_offset_of_its_time() -> Tested {
     let Some(data) = data() else { return Ok(()) };
     let place = &oslo(data)?["place"]["ecef_m"];
-    for (systems, first_s, most_m) in [("E", 33.0, 1.5), ("G,E", 19.0, 1.0)] {
+    for (systems, first_s, most_m) in [("E", 33.0, 1.0), ("G,E", 19.0, 0.5)] {
         let mut arguments = vec!["process"];
         let capture = file(data, OSLO);
         arguments.push(&capture);

@@ -9,6 +9,8 @@
 //! carrier jumps: by slipped cycles, by a symbol edge that was taken back, or by samples that were lost.
 
 mod filter;
+#[cfg(test)]
+mod tests;
 
 pub use filter::Smoothing;
 
