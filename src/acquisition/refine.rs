@@ -144,12 +144,12 @@ impl<'a> Refiner<'a> {
             .map_while(|k| {
                 let begin = first + k as f64 * length;
                 let taps = table.taps(k as u64, begin, begin + length, tap_chips);
-                let (i, q) =
+                let window =
                     self.samples.window(taps.first_sample, taps.first_sample + taps.len as u64)?;
                 let phase = (step * (taps.first_sample - self.start) as f64).fract();
                 offset += taps.offset / count as f64;
                 Some(
-                    correlate(i, q, taps.codes, phase, step)
+                    correlate(window, taps.codes, phase, step)
                         .map(|s| Complex64::new(s.re.into(), s.im.into())),
                 )
             })

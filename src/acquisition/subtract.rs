@@ -1,7 +1,7 @@
 //! Removal of strong satellites from samples, so that weak ones behind their cross-correlations are found.
 
 use super::{Acquisition, Refiner};
-use crate::correlator::{CodeTable, SampleBuffer};
+use crate::correlator::{CodeTable, SampleBuffer, sign};
 use crate::gnss::signal::CodeClock;
 use nalgebra::{Matrix3, Vector3};
 use num_complex::{Complex32, Complex64};
@@ -58,7 +58,7 @@ fn subtract_one(
         let before = taps.first_sample as usize;
         let range =
             before.max(lead as usize)..(before + taps.len).min(lead as usize + samples.len());
-        let replicas = |n: usize| Vector3::from_fn(|tap, _| f64::from(taps.codes[tap][n - before]));
+        let replicas = |n: usize| Vector3::from_fn(|tap, _| sign(taps.codes[tap][n - before]));
         let carrier =
             |n: usize| Complex64::cis(TAU * (satellite.doppler_hz / rate_hz * n as f64).fract());
         let mut normal = Matrix3::zeros();

@@ -1,5 +1,6 @@
 //! Samples of whole bytes: integers and floating-point numbers.
 
+use multiversion::multiversion;
 use num_complex::Complex32;
 
 /// How one number (a real sample, or I or Q) is stored.
@@ -98,13 +99,14 @@ impl Number {
     }
 }
 
-/// Fills `out` from numbers of `N` bytes each.
-fn fill<const N: usize>(
+/// Fills `out` from numbers of `N` bytes each. Of 8 bits, 2 bytes are read and 8 written per complex sample.
+#[multiversion(targets("x86_64+avx2+fma", "aarch64+neon"))]
+fn fill<const N: usize, F: FnMut([u8; N]) -> f32>(
     real: bool,
     q_sign: f32,
     bytes: &[u8],
     out: &mut [Complex32],
-    mut value: impl FnMut([u8; N]) -> f32,
+    mut value: F,
 ) {
     let numbers = bytes.as_chunks::<N>().0;
     if real {

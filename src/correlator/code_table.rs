@@ -1,5 +1,6 @@
 //! Codes sampled at the capture's rate, at finely stepped starting phases.
 
+use super::VECTOR;
 use crate::gnss::Transmission;
 
 /// Starting phases per chip: a replica is placed to half of 1/40 chip (3.7 m), and the remainder is known
@@ -7,26 +8,28 @@ use crate::gnss::Transmission;
 const PHASES_PER_CHIP: f64 = 40.0;
 
 /// Samples of guard at both ends of a row: the farthest tap plus one vector of the kernel.
-const GUARD: usize = 192;
+const GUARD: usize = FARTHEST_TAP + VECTOR + 8;
+/// Distance of the farthest tap, samples.
+const FARTHEST_TAP: usize = 128;
 
 /// The code of one transmission at one sampling rate.
 ///
 /// Row `p` of `phases` holds the code, with its subcarrier as a narrow front end shows it, at the instants (n + (p +
-/// 1/2) / phases) / rate. The table has about 40 entries a chip whatever the rate: of a code of 1023 chips it stays in
-/// the second-level cache.
+/// 1/2) / phases) / rate, 0 for +1 and 255 for -1. The table has about 40 bytes a chip whatever the rate: of a code of
+/// 1023 chips it stays in the second-level cache.
 #[derive(Clone, Debug)]
 pub struct CodeTable {
     transmission: Transmission,
-    rows: Vec<Vec<i16>>,
+    rows: Vec<Vec<u8>>,
     samples_per_interval: f64,
     intervals: usize,
     rate_hz: f64,
 }
 
-/// Early, prompt and late replicas (+-1) for the samples from `first_sample` on.
+/// Early, prompt and late replicas for the samples from `first_sample` on.
 pub struct Taps<'a> {
-    /// The three replicas, equal in length; up to 16 entries beyond `len` may be read.
-    pub codes: [&'a [i16]; 3],
+    /// The three replicas, 0 for +1 and 255 for -1; up to [`VECTOR`] entries beyond `len` may be read.
+    pub codes: [&'a [u8]; 3],
     /// Number of samples in the correlation interval.
     pub len: usize,
     /// Index of the sample that the first entries belong to.
@@ -49,7 +52,8 @@ impl CodeTable {
             (0..len)
                 .map(|n| {
                     let piece = ((start + n as f64) * pieces_per_sample).floor() as i64;
-                    i16::from(replica[piece.rem_euclid(replica.len() as i64) as usize])
+                    let value = replica[piece.rem_euclid(replica.len() as i64) as usize];
+                    if value < 0 { 255 } else { 0 }
                 })
                 .collect()
         };
@@ -74,8 +78,8 @@ impl CodeTable {
     }
 
     fn steps(&self, chips: f64) -> usize {
-        let samples =
-            (chips * self.rate_hz / self.transmission.signal.chip_rate_hz).min(GUARD as f64 - 24.0);
+        let samples = chips * self.rate_hz / self.transmission.signal.chip_rate_hz;
+        let samples = samples.min(FARTHEST_TAP as f64);
         (samples * self.rows.len() as f64).round().max(1.0) as usize
     }
 
@@ -113,6 +117,7 @@ impl CodeTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correlator::sign;
     use crate::gnss::signal;
 
     #[test]
@@ -139,7 +144,7 @@ mod tests {
                             / rate;
                         if (chip - chip.round()).abs() > 1e-6 {
                             let expected = chips[(chip.floor() as i64).rem_euclid(1023) as usize];
-                            assert_eq!(taps.codes[tap][n], i16::from(expected));
+                            assert_eq!(sign(taps.codes[tap][n]), f64::from(expected));
                         }
                     }
                 }

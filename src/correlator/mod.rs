@@ -1,8 +1,9 @@
 //! Correlation of samples with a code replica and a carrier: the kernel used by the refinement of
 //! acquisitions and by tracking.
 //!
-//! Cost: one pass over the samples per satellite and correlation interval, with all three taps. Samples are
-//! held as planar `i16` (4 bytes a complex sample, converted once and shared by all channels).
+//! Cost: one pass over the samples per satellite and correlation interval, with all three taps. Samples are held in
+//! planes of bytes, or of words where more than noise is in them (2 or 4 bytes a complex sample, converted once and
+//! shared by all channels).
 
 mod buffer;
 pub mod carrier;
@@ -12,7 +13,7 @@ mod lateness;
 #[cfg(test)]
 pub(crate) mod test_signal;
 
-pub use buffer::SampleBuffer;
+pub use buffer::{Depth, SampleBuffer};
 pub use code_table::{CodeTable, Taps};
-pub use kernel::{correlate, correlate_scalar};
+pub use kernel::{VECTOR, Window, correlate, correlate_scalar, sign};
 pub use lateness::lateness_chips;

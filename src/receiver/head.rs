@@ -14,7 +14,7 @@ use crate::acquisition::{
 use crate::array::sky::interference::Interference;
 use crate::array::{ArraySky, Manifold};
 use crate::capture::Block;
-use crate::correlator::SampleBuffer;
+use crate::correlator::{Depth, SampleBuffer};
 use crate::gnss::constants::WGS84_A;
 use crate::gnss::{Constellation, Sv, Transmission};
 
@@ -46,6 +46,7 @@ pub(super) struct Gathering {
     /// Of an array the untreated samples, in case the removal of jammers was wrong.
     raws: Vec<Block>,
     blocks: Vec<Block>,
+    depths: Vec<Depth>,
     len: usize,
 }
 
@@ -58,6 +59,7 @@ impl Gathering {
             plain: stages.without_spatial(),
             raws: Vec::new(),
             blocks: Vec::new(),
+            depths: Vec::new(),
             len: 0,
         }
     }
@@ -71,6 +73,7 @@ impl Gathering {
         stages.treat(raw, &mut block, last);
         self.len += block.len();
         self.blocks.push(block);
+        self.depths.push(stages.depth());
         self.len >= self.want
     }
 
@@ -93,9 +96,9 @@ impl Gathering {
             }
         }
         let mut buffers = vec![SampleBuffer::default(); stages.info().channels];
-        for block in &self.blocks {
+        for (block, &depth) in self.blocks.iter().zip(&self.depths) {
             for (c, buffer) in buffers.iter_mut().enumerate() {
-                buffer.push(block.channel(c));
+                buffer.push_at(block.channel(c), depth);
             }
         }
         Head { block: Block::joined(&self.blocks), buffers, common_noise }

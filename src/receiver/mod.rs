@@ -354,7 +354,7 @@ impl Receiver {
                 rayon::join(|| stages.treat(raw, next, last), || tracker.advance());
                 tracker.settle(stages.interference(), &self.options, emit)?;
                 if !next.is_empty() {
-                    tracker.take(next);
+                    tracker.take(next, stages.depth());
                 }
             }
             State::Done => (),

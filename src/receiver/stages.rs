@@ -4,6 +4,7 @@ use super::spatial::SpatialFilter;
 use super::{ReceiverError, ReceiverOptions};
 use crate::array::sky::interference::Interference;
 use crate::capture::{Block, StreamInfo};
+use crate::correlator::Depth;
 use crate::front_end::{
     Conditioner, Excisor, ImpulseReport, ImpulseSuppressor, Interferer, Suppression,
 };
@@ -19,6 +20,8 @@ pub(super) struct Stages {
     suppressor: ImpulseSuppressor,
     conditioner: Conditioner,
     calibration: Option<Vec<Complex64>>,
+    /// Whether interference would be seen: else samples may hold more than noise.
+    sees: bool,
 }
 
 impl Stages {
@@ -35,6 +38,7 @@ impl Stages {
             suppressor: ImpulseSuppressor::new(options.suppression, info),
             conditioner: Conditioner::new(info, options.decimation),
             calibration: options.array.as_ref().and_then(|a| a.calibration.clone()),
+            sees: options.suppression == Suppression::Auto,
         })
     }
 
@@ -65,6 +69,14 @@ impl Stages {
         if let Some(weights) = &self.calibration {
             block.weight_channels(weights);
         }
+    }
+
+    /// How the last block treated is to be held: where it was found to be noise alone, bytes do.
+    pub(super) fn depth(&self) -> Depth {
+        let is_noise = self.suppressor.is_quiet()
+            && self.excisor.as_ref().is_none_or(Excisor::is_quiet)
+            && self.interference().is_none();
+        if self.sees && is_noise { Depth::Bytes } else { Depth::Words }
     }
 
     /// Jammers that were removed, where there were any.

@@ -14,7 +14,7 @@ use crate::array::sky::interference::Interference;
 use crate::array::sky::jammers;
 use crate::array::{ArraySky, Manifold, SkyEpoch};
 use crate::capture::Block;
-use crate::correlator::SampleBuffer;
+use crate::correlator::{Depth, SampleBuffer};
 use crate::gnss::constants::SPEED_OF_LIGHT;
 use crate::gnss::message::{NavigationCollector, Update};
 use crate::gnss::navigation_data::UtcParameters;
@@ -218,13 +218,13 @@ impl Tracker {
         Ok(())
     }
 
-    /// Takes the next samples and drops those that no track needs.
-    pub(super) fn take(&mut self, chunk: &mut Block) {
+    /// Takes the next samples, to be held at this depth, and drops those that no track needs.
+    pub(super) fn take(&mut self, chunk: &mut Block, depth: Depth) {
         let end = self.samples();
         std::mem::swap(&mut self.chunk, chunk);
         for (c, buffer) in self.buffers.iter_mut().enumerate() {
             buffer.discard_before(end.saturating_sub((CHUNK_S * self.rate_hz) as u64));
-            buffer.push(self.chunk.channel(c));
+            buffer.push_at(self.chunk.channel(c), depth);
         }
     }
 

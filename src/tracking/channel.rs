@@ -295,11 +295,11 @@ impl Channel {
             let (start, end) = (self.code_start, self.code_start + length);
             let taps = self.table.taps(self.period, start, end, self.tap_chips());
             let window = samples.window(taps.first_sample, taps.first_sample + taps.len as u64);
-            let Some((i, q)) = window else { return };
+            let Some(window) = window else { return };
             let step = self.carrier_hz / self.rate_hz;
             let phase = self.carrier_cycles + step * (taps.first_sample as f64 - self.code_start);
-            let correlate = |codes: [&[i16]; 3]| {
-                correlate(i, q, codes, phase.fract(), step)
+            let correlate = |codes: [&[u8]; 3]| {
+                correlate(window, codes, phase.fract(), step)
                     .map(|s| Complex64::new(s.re.into(), s.im.into()))
             };
             let sign = self.overlay.as_ref().map_or(1.0, |overlay| overlay.sign(self.period));

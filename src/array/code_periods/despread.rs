@@ -1,7 +1,7 @@
 //! Despreading of an array's samples: one satellite's prompts of every element and correlation interval.
 
 use crate::array::CMat;
-use crate::correlator::{CodeTable, SampleBuffer, correlate};
+use crate::correlator::{CodeTable, SampleBuffer, Window, correlate};
 use num_complex::Complex64;
 
 /// Prompts of a satellite, one row per channel and one column per whole correlation interval among the samples
@@ -24,9 +24,9 @@ pub fn despread(
         let taps = table.taps(k as u64, begin, begin + length, 0.5);
         let window = channels[channel]
             .window(taps.first_sample, taps.first_sample + taps.len as u64)
-            .unwrap_or((&[], &[]));
+            .unwrap_or(Window::Words([&[], &[]]));
         let phase = (step * (taps.first_sample - start) as f64).fract();
-        let [_, prompt, _] = correlate(window.0, window.1, taps.codes, phase, step);
+        let [_, prompt, _] = correlate(window, taps.codes, phase, step);
         Complex64::new(prompt.re.into(), prompt.im.into())
     })
 }

@@ -51,6 +51,8 @@ pub struct Excisor {
     state: Option<Treating>,
     /// Chunks until the next choice is allowed.
     wait: usize,
+    /// Whether the last chunk looked like more than noise.
+    is_hit: bool,
     patience: usize,
     /// Median power of the samples of the last choice.
     level: f32,
@@ -86,6 +88,7 @@ impl Excisor {
             info: info.clone(),
             tools: Tools::new(info),
             state: None,
+            is_hit: false,
             wait: 0,
             patience: PATIENCE,
             level: 0.0,
@@ -126,6 +129,11 @@ impl Excisor {
         self.history = window;
         self.keep_history();
         true
+    }
+
+    /// Whether the last chunk looked like noise alone.
+    pub fn is_quiet(&self) -> bool {
+        !self.is_hit && self.state.is_none()
     }
 
     /// Whether samples wait.
@@ -176,6 +184,7 @@ impl Excisor {
         self.tools.set_coarse(is_coarse(samples));
         let all = self.state.is_some() || self.seen <= 2.0 * samples.len() as f64;
         let hit = self.look.is_hit(&mut self.tools, samples, all);
+        self.is_hit = hit;
         if let Some(state) = &mut self.state {
             state.quiet = if hit { 0 } else { state.quiet + 1 };
             state.age += 1;
