@@ -4,7 +4,8 @@
 //! periods after a carrier of Doppler f = f_j + c/T is removed needs only the 2K fractions f_j of 1/T (1 kHz
 //! of a C/A code), since exp(-j 2 pi (c/T) m T) = 1 for whole periods m; within the period c/T is a shift of
 //! the spectrum by c lines. Cost: 2K forward FFTs of N per window, and then one inverse FFT of N per
-//! satellite, component, Doppler, window and channel, which dominates.
+//! satellite, component, Doppler, window and channel, which dominates; sixteen satellites are transformed
+//! side by side.
 //!
 //! Where each code period may change its sign (symbols of one period, or the secondary code of a pilot) a window is one
 //! period, K = 1. A change within it costs half of the power at worst, a third on average. Of data and pilot, which are
@@ -16,11 +17,14 @@
 //! shows ([`super::statistics`]).
 
 mod fan;
+mod lanes;
+mod rows;
 
 use super::subtract::subtract;
 use super::{Acquisition, cross_correlation, statistics};
 use crate::gnss::{Signal, Sv, Transmission, signal};
 use fan::Fan;
+use lanes::LaneTransform;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdr_rx_linalg::{Fft, forward_transform, inverse_transform};
@@ -134,6 +138,7 @@ pub struct SearchPlan {
     bins: usize,
     forward: Arc<dyn Fft<f32>>,
     inverse: Arc<dyn Fft<f32>>,
+    lanes: LaneTransform,
     /// Conjugate spectra of the codes of each satellite, one per component.
     codes: Vec<Vec<Vec<Complex32>>>,
     components: usize,
@@ -176,16 +181,6 @@ struct Peak {
     power: f64,
     /// Relative variance of the other cells of the row.
     spread: f64,
-}
-
-/// The best cells of one satellite.
-struct Best {
-    /// Of the rows in which noise does not reach it.
-    sound: Option<Peak>,
-    /// Of the rows that vary too much for that, and in which white noise would not reach it.
-    doubtful: Option<Peak>,
-    /// Noise: the sum over the cells of the median row.
-    floor: f64,
 }
 
 /// A satellite of a search: what was found, and its code's spectrum.
@@ -243,6 +238,7 @@ impl SearchPlan {
             bins,
             forward,
             inverse,
+            lanes: LaneTransform::new(bins),
             codes,
             components,
             beams,
@@ -371,13 +367,7 @@ impl SearchPlan {
         let threshold = self.threshold(looks);
         let is_whole = looks == windows * channels.len();
         let fan = (is_whole && !self.beams.is_empty()).then(|| Fan::new(self, windows));
-        let best: Vec<Best> = wanted
-            .par_iter()
-            .map(|&k| {
-                let cycles_per_chip = self.options.satellites[k].cycles_per_chip();
-                self.search_one(&self.codes[k], cycles_per_chip, &folded, threshold, fan.as_ref())
-            })
-            .collect();
+        let best = self.search_all(&wanted, &folded, threshold, fan.as_ref());
         let mut floors: Vec<f64> = best.iter().map(|b| b.floor).collect();
         let (_, &mut floor, _) = floors.select_nth_unstable_by(best.len() / 2, f64::total_cmp);
         let candidate = |(k, peak): (usize, Peak)| Candidate {
@@ -387,7 +377,7 @@ impl SearchPlan {
             power: peak.power,
             codes: self.codes[k].as_slice().into(),
         };
-        let own = |pick: fn(&Best) -> Option<Peak>| {
+        let own = |pick: fn(&rows::Best) -> Option<Peak>| {
             wanted.iter().zip(&best).filter_map(move |(&k, b)| Some((k, pick(b)?)))
         };
         let mut found: Vec<Candidate> = own(|b| b.sound).map(candidate).collect();
@@ -558,6 +548,21 @@ impl SearchPlan {
         sorted
     }
 
+    /// The spectrum of a look for the fraction of the spacing of the lines of row `index`, and by how many lines it is
+    /// shifted there.
+    fn row_spectrum<'a>(
+        &self,
+        index: i64,
+        look: usize,
+        folded: &'a Folded,
+    ) -> (&'a [Complex32], usize) {
+        let (bins, fractions) = (self.bins, 2 * self.periods as i64);
+        let fraction = index.rem_euclid(fractions) as usize;
+        let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
+        let at = (look * fractions as usize + fraction) * bins;
+        (&folded.spectra[at..at + bins], lines)
+    }
+
     /// The spectrum of a row's correlation in one look.
     fn multiply_row(
         &self,
@@ -567,11 +572,9 @@ impl SearchPlan {
         folded: &Folded,
         product: &mut [Complex32],
     ) {
-        let (bins, fractions) = (self.bins, 2 * self.periods as i64);
-        let fraction = index.rem_euclid(fractions) as usize;
-        let lines = index.div_euclid(fractions).rem_euclid(bins as i64) as usize;
-        let at = (look * fractions as usize + fraction) * bins;
-        let (head, tail) = folded.spectra[at..at + bins].split_at(lines);
+        let bins = self.bins;
+        let (spectrum, lines) = self.row_spectrum(index, look, folded);
+        let (head, tail) = spectrum.split_at(lines);
         let (code_head, code_tail) = code.split_at(bins - lines);
         multiply(tail, code_head, &mut product[..bins - lines]);
         multiply(head, code_tail, &mut product[bins - lines..]);
@@ -605,101 +608,6 @@ impl SearchPlan {
     /// Powers that are summed in a cell: of each component in each window and channel.
     fn looks(&self, folded: &Folded) -> usize {
         self.components * folded.windows.len()
-    }
-
-    /// The best cells for one satellite.
-    fn search_one(
-        &self,
-        codes: &[Vec<Complex32>],
-        cycles_per_chip: f64,
-        folded: &Folded,
-        threshold: f64,
-        fan: Option<&Fan<'_>>,
-    ) -> Best {
-        let bins = self.bins;
-        let looks = self.looks(folded);
-        let ln_limit = statistics::ln_cell_false_alarm(threshold, looks as f64);
-        let mut product = vec![Complex32::ZERO; bins];
-        let mut scratch = vec![Complex32::ZERO; self.inverse.get_inplace_scratch_len()];
-        let mut power = vec![0f32; bins];
-        let (mut sound, mut doubtful): (Option<Peak>, Option<Peak>) = (None, None);
-        let dopplers = self.dopplers().count();
-        let mut floors = Vec::with_capacity(dopplers);
-        let mut kept = vec![Complex32::ZERO; if fan.is_some() { looks * bins } else { 0 }];
-        let mut advances = vec![0; looks];
-        for index in self.dopplers() {
-            for (of_all, (code, look)) in looks_of(codes, folded).enumerate() {
-                self.multiply_row(code, index, look, folded, &mut product);
-                self.inverse.process_with_scratch(&mut product, &mut scratch);
-                let advance = self.advance(cycles_per_chip, index, look, folded);
-                let (early, late) = product.split_at(bins - advance);
-                add_power(early, &mut power[advance..], of_all == 0);
-                add_power(late, &mut power[..advance], of_all == 0);
-                if fan.is_some() {
-                    kept[look * bins..(look + 1) * bins].copy_from_slice(&product);
-                    advances[look] = advance;
-                }
-            }
-            let (highest, total) = peak_and_sum(&power);
-            floors.push(total);
-            let statistic = f64::from(highest) * (looks * bins) as f64 / f64::from(total);
-            if statistic.is_nan() {
-                continue;
-            }
-            let noise = f64::from(total) / (looks * bins) as f64;
-            let beam = fan.and_then(|fan| fan.strongest(&power, &kept, &advances, noise));
-            if statistic <= threshold && beam.is_none() {
-                continue;
-            }
-            let bin = power.iter().position(|&p| p == highest).unwrap_or(0);
-            let mut peak = self.judge_row(&power, bin, noise, looks, index);
-            if let Some(beam) = beam {
-                let row = self.judge_row(&power, beam.bin, noise, looks, index);
-                if let Some(of_beam) = beam.peak(&row, looks as f64, self.spread_error())
-                    && (statistic <= threshold || of_beam.ln_false_alarm < peak.ln_false_alarm)
-                {
-                    peak = of_beam;
-                } else if statistic <= threshold {
-                    continue;
-                }
-            }
-            let best = if peak.ln_false_alarm < ln_limit { &mut sound } else { &mut doubtful };
-            // Statistics of beams and of sums have different distributions.
-            let is_weaker = |b: Peak| match fan {
-                Some(_) => b.ln_false_alarm > peak.ln_false_alarm,
-                None => b.statistic < peak.statistic,
-            };
-            if best.is_none_or(is_weaker) {
-                *best = Some(peak);
-            }
-        }
-        // A strong signal raises the mean of its own row, so the noise is that of the median row.
-        let (_, &mut floor, _) = floors.select_nth_unstable_by(dopplers / 2, f32::total_cmp);
-        let floor = f64::from(floor).max(f64::MIN_POSITIVE);
-        let over_noise = |peak: Peak| Peak { power: peak.power * bins as f64 / floor, ..peak };
-        Best { sound: sound.map(over_noise), doubtful: doubtful.map(over_noise), floor }
-    }
-
-    /// A cell of a row, judged by the other cells: by fewer looks where they vary more than noise does. `noise` is the
-    /// mean power of one look.
-    fn judge_row(&self, power: &[f32], bin: usize, noise: f64, looks: usize, index: i64) -> Peak {
-        let bins = self.bins;
-        let highest = power[bin];
-        let statistic = f64::from(highest) / noise;
-        let beside = (PEAK_CHIPS * bins as f64 / self.chips).ceil() as usize;
-        let rest = bins - 2 * beside - 1;
-        let others = || (0..rest).map(|k| f64::from(power[(bin + beside + 1 + k) % bins]));
-        let mean = others().sum::<f64>() / rest as f64;
-        let spread = others().map(|p| (p / mean - 1.0).powi(2)).sum::<f64>() / rest as f64;
-        let white = looks as f64;
-        let ln_false_alarm = if spread * white < 1.0 + self.spread_error() {
-            statistics::ln_cell_false_alarm(statistic, white)
-        } else {
-            let fewer = spread.recip();
-            statistics::ln_cell_false_alarm(fewer * f64::from(highest) / mean, fewer)
-        };
-        let power = f64::from(highest);
-        Peak { index, bin, statistic, ln_false_alarm, power, spread }
     }
 }
 
@@ -827,25 +735,5 @@ pub(crate) fn add_power(values: &[Complex32], power: &mut [f32], replace: bool) 
 }
 
 /// The maximum, and the sum of all.
-#[multiversion::multiversion(targets(
-    "x86_64+avx2+fma",
-    "x86_64+avx512f+avx512bw+avx512vl+avx512dq",
-    "aarch64+neon"
-))]
-fn peak_and_sum(power: &[f32]) -> (f32, f32) {
-    const LANES: usize = 16;
-    let (chunks, rest) = power.as_chunks::<LANES>();
-    let (mut highest, mut sums) = ([0f32; LANES], [0f32; LANES]);
-    for chunk in chunks {
-        for lane in 0..LANES {
-            highest[lane] = highest[lane].max(chunk[lane]);
-            sums[lane] += chunk[lane];
-        }
-    }
-    let peak = rest.iter().chain(&highest).copied().fold(0f32, f32::max);
-    let sum = sums.iter().chain(rest).sum();
-    (peak, sum)
-}
-
 #[cfg(test)]
 mod tests;

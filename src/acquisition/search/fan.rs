@@ -41,6 +41,11 @@ impl<'a> Fan<'a> {
         Self { beams, windows, threshold, enough: threshold + least }
     }
 
+    /// Sum of the channels' powers, over the noise, from which a row is worth its correlations.
+    pub(super) fn enough(&self) -> f64 {
+        self.enough
+    }
+
     /// The strongest cell of a row in any beam, if it exceeds the threshold. `powers` are the sums of the channels,
     /// `correlations` those of each look (channel by channel, window by window), which lie `advances` bins early;
     /// `noise` is the mean power of one look.
