@@ -36,13 +36,14 @@ pub struct NavigationData {
 const SAME_TOE_S: f64 = 900.0;
 
 impl NavigationData {
-    /// Adds an ephemeris; one with the same issue, time and health as a known one changes nothing.
+    /// Adds an ephemeris; of two with the same issue, time and health the one that was sent later counts.
     pub fn insert(&mut self, ephemeris: Ephemeris) {
         let list = self.ephemerides.entry(ephemeris.sv).or_default();
-        if list.iter().any(|e| {
-            (e.toe, e.iode, e.iodc, e.health)
-                == (ephemeris.toe, ephemeris.iode, ephemeris.iodc, ephemeris.health)
-        }) {
+        let key = |e: &Ephemeris| (e.toe, e.iode, e.iodc, e.health);
+        if let Some(known) = list.iter_mut().find(|e| key(e) == key(&ephemeris)) {
+            if ephemeris.transmission_time > known.transmission_time {
+                *known = ephemeris;
+            }
             return;
         }
         let at = list.partition_point(|e| e.toe <= ephemeris.toe);

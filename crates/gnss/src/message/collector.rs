@@ -2,12 +2,13 @@
 
 use super::inav::InavCollector;
 use super::lnav::{
-    Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, LnavMessage, Subframe, Subframe1, Subframe2,
-    Subframe3, assemble, resolve_week,
+    Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, LnavMessage, LooseWords, Subframe, Subframe1,
+    Subframe2, Subframe3, assemble, resolve_week,
 };
 use super::{Content, Update, inav, sbas};
 use crate::atmosphere::Klobuchar;
-use crate::{GpsTime, NavigationData, Sv};
+use crate::time::SECONDS_PER_WEEK;
+use crate::{Ephemeris, GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
 /// Latest parts of one satellite's ephemeris.
@@ -16,6 +17,33 @@ struct Parts {
     clock: Option<(Subframe1, f64)>,
     orbit: Option<Subframe2>,
     orientation: Option<Subframe3>,
+    /// Words 3 to 10 of the subframe that was not whole when the first whole one came, and of the one under way.
+    torn: Option<LooseWords>,
+    under_way: Option<LooseWords>,
+}
+
+/// Time, s, between two subframes of one number.
+const FRAME_S: f64 = 30.0;
+
+impl Parts {
+    /// Takes words; gives the subframe that they make up together with those of the frame before.
+    fn join(&mut self, new: &LooseWords) -> Option<LnavMessage> {
+        if !new.under_way {
+            return self.torn.insert(new.clone()).message();
+        }
+        let current = self.under_way.get_or_insert_with(|| new.clone());
+        if (current.id, current.tow) != (new.id, new.tow) {
+            *current = new.clone();
+        }
+        let week_s = SECONDS_PER_WEEK as f64;
+        let is_of_frame_before =
+            |torn: &&LooseWords| torn.id == new.id && (torn.tow + FRAME_S) % week_s == new.tow;
+        current.words.iter_mut().zip(new.words).for_each(|(known, new)| *known = known.or(new));
+        let mut all = current.clone();
+        let torn = self.torn.as_ref().filter(is_of_frame_before)?;
+        all.words.iter_mut().zip(torn.words).for_each(|(known, torn)| *known = known.or(torn));
+        all.message()
+    }
 }
 
 /// Gathers navigation data from pages.
@@ -64,6 +92,10 @@ impl NavigationCollector {
     pub fn add(&mut self, sv: Sv, content: &Content) -> Option<Update> {
         match content {
             Content::Lnav(subframe) => self.add_subframe(sv, subframe),
+            Content::LnavWords(words) => {
+                let message = self.parts.entry(sv).or_default().join(words)?;
+                self.add_message(sv, words.tow, message)
+            }
             Content::Sbas(message) => {
                 self.sbas
                     .entry(sv)
@@ -80,13 +112,17 @@ impl NavigationCollector {
             true => self.data.alerts.insert(sv),
             false => self.data.alerts.remove(&sv),
         };
+        self.add_message(sv, subframe.tow(), subframe.message())
+    }
+
+    fn add_message(&mut self, sv: Sv, tow: f64, message: LnavMessage) -> Option<Update> {
         let parts = self.parts.entry(sv).or_default();
-        match subframe.message() {
+        match message {
             LnavMessage::Clock(clock) => {
                 let week = resolve_week(clock.week.into(), 10, self.reference_week);
-                self.newest = Some(GpsTime::from_week_tow(week, subframe.tow()));
+                self.newest = Some(GpsTime::from_week_tow(week, tow));
                 self.health.insert(sv, clock.health);
-                parts.clock = Some((clock, subframe.tow()));
+                parts.clock = Some((clock, tow));
             }
             LnavMessage::Orbit(orbit) => parts.orbit = Some(orbit),
             LnavMessage::Orientation(orientation) => parts.orientation = Some(orientation),
@@ -153,9 +189,9 @@ impl NavigationCollector {
             return None;
         };
         let ephemeris = assemble(sv, (clock, orbit, orientation), *tow, self.reference_week)?;
-        let known = self.data.iter().any(|e| {
-            (e.sv, e.toe, e.toc, e.iodc) == (sv, ephemeris.toe, ephemeris.toc, ephemeris.iodc)
-        });
+        let transmission_time = ephemeris.transmission_time;
+        let same = |e: &Ephemeris| Ephemeris { transmission_time, ..e.clone() } == ephemeris;
+        let known = self.data.iter().any(same);
         self.data.insert(ephemeris);
         (!known).then_some(Update::Ephemeris(sv))
     }
@@ -178,9 +214,9 @@ impl NavigationCollector {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lnav::{Header, Health1To24, decode_words, encode_subframe};
+    use super::super::MessageDecoder;
+    use super::super::lnav::{FrameDecoder, Header, Health1To24, decode_words, encode_subframe};
     use super::*;
-    use crate::Ephemeris;
     use crate::navigation_data::UtcParameters;
     use crate::orbit::broadcast::sample_ephemeris;
 
@@ -220,6 +256,82 @@ mod tests {
         let other = Sv::from_prn(2).unwrap();
         assert_eq!(collector.add(other, &o2), None);
         assert_eq!(collector.data().iter().count(), 1);
+    }
+
+    /// Soft bits of frames sent from this time of week on: an ephemeris and empty pages.
+    fn bits(eph: &Ephemeris, tow: f64, frames: usize) -> Vec<f32> {
+        let mut bits = Vec::new();
+        for k in 0..5 * frames {
+            let (id, tow) = ((k % 5 + 1) as u8, tow + 6.0 * k as f64);
+            let message = match id {
+                1 => LnavMessage::Clock(Subframe1::new(eph, 2190)),
+                2 => LnavMessage::Orbit(eph.into()),
+                3 => LnavMessage::Orientation(eph.into()),
+                other => LnavMessage::Other(other),
+            };
+            for word in encode_subframe(&Header::new(id, tow), &message).unwrap() {
+                bits.extend((0..30).rev().map(|b| if word >> b & 1 == 1 { -1.0f32 } else { 1.0 }));
+            }
+        }
+        bits
+    }
+
+    /// Bits from the start until the ephemeris is there, and the ephemeris.
+    fn collect(sv: Sv, bits: &[f32]) -> Option<(usize, Ephemeris)> {
+        let (mut decoder, mut collector) = (FrameDecoder::new(), NavigationCollector::default());
+        let decoder: &mut dyn MessageDecoder = &mut decoder;
+        bits.iter().enumerate().find_map(|(k, &bit)| {
+            let page = decoder.push(bit, k as u64)?;
+            let update = collector.add(sv, &page.content)?;
+            let of_sv = collector.data().iter().next().cloned();
+            (update == Update::Ephemeris(sv)).then_some((k + 1, of_sv?))
+        })
+    }
+
+    /// A word can be read if it is whole and the last two bits before it are there, and is believed if two such are
+    /// before it in its subframe; all others have to come again.
+    #[test]
+    fn a_start_within_the_ephemeris_needs_no_more_than_one_frame() {
+        let eph = sample_ephemeris();
+        let all = bits(&eph, 511_200.0, 3);
+        let (_, whole) = collect(eph.sv, &all).unwrap();
+        for start in (0..1500).step_by(7) {
+            let (needed, found) = collect(eph.sv, &all[start..]).unwrap();
+            let (subframe, bit) = (start / 300, start % 300);
+            // Words of this subframe that have to come again.
+            let missing = ((bit + 2usize).div_ceil(30).max(2) + 2).min(10);
+            let last = match subframe {
+                0..3 if bit > 0 => 50 + 10 * subframe + missing,
+                0 => 30,
+                1..3 => 50 + 10 * subframe,
+                _ => 80,
+            };
+            assert_eq!(start + needed, 30 * last, "start at bit {start}");
+            let Ephemeris { transmission_time, .. } = whole;
+            assert_eq!(Ephemeris { transmission_time, ..found }, whole);
+        }
+    }
+
+    /// Of spoiled words one in 64 keeps parity: a start in noise gives no wrong ephemeris.
+    #[test]
+    fn words_before_the_first_subframe_that_noise_spoiled_are_not_used() {
+        let mut random = crate::random::SplitMix64::new(3);
+        let eph = sample_ephemeris();
+        let (all, mut earlier) = (bits(&eph, 511_200.0, 3), 0);
+        let (_, whole) = collect(eph.sv, &all).unwrap();
+        for k in 0..2000 {
+            let start = 300 + 7 * k % 600;
+            let mut received = all[start..].to_vec();
+            let spoiled = 40 + k % 200;
+            received[..spoiled]
+                .iter_mut()
+                .for_each(|b| *b = if random.next_u64() & 1 == 0 { 1.0 } else { -1.0 });
+            let (needed, found) = collect(eph.sv, &received).unwrap();
+            let Ephemeris { transmission_time, .. } = whole;
+            assert_eq!(Ephemeris { transmission_time, ..found }, whole, "{k}");
+            earlier += usize::from((start + needed) % 300 != 0);
+        }
+        assert!(earlier > 500, "{earlier}");
     }
 
     #[test]

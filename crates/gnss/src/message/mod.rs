@@ -39,6 +39,8 @@ pub struct Page {
 pub enum Content {
     /// A subframe of the legacy message of GPS and QZSS.
     Lnav(lnav::Subframe),
+    /// Words of a subframe that is not whole, or not yet.
+    LnavWords(lnav::LooseWords),
     /// A message of SBAS L1.
     Sbas(Box<sbas::SbasMessage>),
     /// A page of Galileo E1-B.

@@ -13,11 +13,18 @@
 //! of random bits passes with probability 2 x 2^-8 (1) x 2^-60 (2) x 2^-4 (3) x 5/8 x 0.77 (4) = 2e-22:
 //! at 50 bit/s once in 3e12 years a channel.
 //!
+//! Words 3 to 10 count one by one where a subframe is not whole. Of the one before the first whole subframe, or of one that
+//! was refused, those are given that keep parity from the end backwards, in the polarity of the whole one, but for the
+//! two earliest: of words that the start of a track spoiled one in 64 keeps parity, so one of 3e5 is given. Of the subframe
+//! under way each word is given as it comes, once its first two have continued the time of the one before.
+//!
 //! Each subframe has its own polarity, so a half-cycle slip costs the subframe that it falls into and no
 //! other. That subframe is refused: of words that a slip corrupts one in 64 keeps parity, but the slip turns
 //! the 00 at the end of word 10 into 11. Weak bits are not corrected: the code detects three errors a word, and
 //! correction would weaken that.
 
+use super::fields::Fields;
+use super::parity::decode_word;
 use super::{
     DataWords, Header, LnavMessage, PREAMBLE, SUBFRAME_BITS, SUBFRAME_SECONDS, TOW_COUNTS,
     decode_subframe, decode_words,
@@ -63,16 +70,57 @@ impl Subframe {
     }
 }
 
+/// Words of a subframe that is not whole, or not yet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LooseWords {
+    /// Subframe number, 1 to 5.
+    pub id: u8,
+    /// Time of week of the transmission of its first bit, s, by the satellite's clock.
+    pub tow: f64,
+    /// Whether it is under way: its words are the last ones received.
+    pub under_way: bool,
+    /// Source bits of words 3 to 10, of those that are known.
+    pub words: [Option<u32>; 8],
+}
+
+impl LooseWords {
+    fn new(header: &Header, under_way: bool) -> Self {
+        Self { id: header.id, tow: header.tow(), under_way, words: [None; 8] }
+    }
+
+    /// The message, if all words are known.
+    pub fn message(&self) -> Option<LnavMessage> {
+        let mut words = Header::new(self.id, self.tow).write([0; 10]).ok()?;
+        for (word, known) in words[2..].iter_mut().zip(self.words) {
+            *word = known?;
+        }
+        Some(LnavMessage::decode(&words))
+    }
+}
+
+/// Of the words before the first whole subframe, the earliest that are not believed.
+const DOUBTFUL_WORDS: usize = 2;
+
+/// The subframe before this one.
+fn before(header: &Header) -> Header {
+    let tow_count = (header.tow_count + TOW_COUNTS - 1) % TOW_COUNTS;
+    Header { id: (header.id + 3) % 5 + 1, tow_count, ..header.clone() }
+}
+
 /// Finds subframes in the bits of one satellite; their polarity is open. Cost: a shift of five words and a
 /// comparison per bit;
 /// parity is computed only where a preamble stands.
 #[derive(Clone, Debug, Default)]
 pub struct FrameDecoder {
     window: Window,
-    /// Bits in the window, up to 300.
+    /// Bits in the window, up to all that it holds.
     received: usize,
     last_index: Option<u64>,
     last_subframe: Option<Subframe>,
+    /// The subframe under way, and whether its bits are inverted.
+    current: Option<(Header, bool)>,
+    /// Words of the subframe before the last one, which was not whole.
+    torn: Option<LooseWords>,
 }
 
 impl FrameDecoder {
@@ -88,17 +136,12 @@ impl FrameDecoder {
         }
         self.last_index = Some(index);
         self.window.push(bit < 0.0);
-        self.received = (self.received + 1).min(SUBFRAME_BITS);
+        self.received = (self.received + 1).min(2 * SUBFRAME_BITS);
         if self.received < SUBFRAME_BITS {
             return None;
         }
-        let inverted = match self.window.bits(0, 8) {
-            PREAMBLE => false,
-            first if first ^ 0xFF == PREAMBLE => true,
-            _ => return None,
-        };
-        let flip = if inverted { 0x3FFF_FFFF } else { 0 };
-        let received: [u32; 10] = std::array::from_fn(|k| self.window.bits(30 * k, 30) ^ flip);
+        let inverted = self.preamble(SUBFRAME_BITS)?;
+        let received: [u32; 10] = std::array::from_fn(|k| self.word(10 - k, inverted));
         if (received[1] | received[9]) & 3 != 0 {
             return None;
         }
@@ -107,27 +150,103 @@ impl FrameDecoder {
         let start_index = (index + 1).saturating_sub(SUBFRAME_BITS as u64);
         let found = Subframe { start_index, inverted, header, words };
         // Of two inconsistent subframes neither is used as a reference any longer.
-        match self.last_subframe.take() {
-            Some(last) if !last.leads_to(&found) => None,
-            _ => {
-                self.last_subframe = Some(found.clone());
-                Some(found)
-            }
+        let follows = match self.last_subframe.take() {
+            Some(last) if !last.leads_to(&found) => return None,
+            Some(last) => found.start_index - last.start_index == SUBFRAME_BITS as u64,
+            None => false,
+        };
+        if !follows {
+            self.torn = self.torn_words(&found);
         }
+        self.last_subframe = Some(found.clone());
+        Some(found)
+    }
+
+    /// Whether the bits are inverted, if a preamble stands so many bits back.
+    fn preamble(&self, back: usize) -> Option<bool> {
+        match self.window.bits(back, 8) {
+            PREAMBLE => Some(false),
+            first if first ^ 0xFF == PREAMBLE => Some(true),
+            _ => None,
+        }
+    }
+
+    /// The word that starts so many words back.
+    fn word(&self, back: usize, inverted: bool) -> u32 {
+        self.window.bits(30 * back, 30) ^ if inverted { 0x3FFF_FFFF } else { 0 }
+    }
+
+    /// The source bits of the word that starts so many words back, if parity holds.
+    fn source_bits(&self, back: usize, inverted: bool) -> Option<u32> {
+        let tail = self.window.bits(30 * back + 2, 2) ^ if inverted { 3 } else { 0 };
+        decode_word(self.word(back, inverted), tail)
+    }
+
+    /// What is left of the subframe before one that was found at the end of the window.
+    fn torn_words(&self, found: &Subframe) -> Option<LooseWords> {
+        let mut loose = LooseWords::new(&before(&found.header), false);
+        // Word 10 ends in 00, whatever came before.
+        if self.received < SUBFRAME_BITS + 32 || self.word(11, found.inverted) & 3 != 0 {
+            return None;
+        }
+        let whole = (self.received - SUBFRAME_BITS - 2) / 30;
+        let keeps_parity = |k: &usize| self.source_bits(18 - k, found.inverted).is_some();
+        let earliest = (0..8).rev().take(whole).take_while(keeps_parity).last()?;
+        for k in earliest + DOUBTFUL_WORDS..8 {
+            loose.words[k] = self.source_bits(18 - k, found.inverted);
+        }
+        loose.words.iter().any(Option::is_some).then_some(loose)
+    }
+
+    /// The word that the newest bit completes in the subframe after the last whole one.
+    fn word_under_way(&mut self, index: u64) -> Option<LooseWords> {
+        let last = self.last_subframe.as_ref()?;
+        let bits = (index + 1).checked_sub(last.start_index + SUBFRAME_BITS as u64)? as usize;
+        let (count, is_whole) = (bits / 30, bits.is_multiple_of(30));
+        if !is_whole || !(2..10).contains(&count) {
+            return None;
+        }
+        if count == 2 {
+            self.current = self.header_under_way(&last.header);
+            return None;
+        }
+        let (header, inverted) = self.current.clone()?;
+        let Some(word) = self.source_bits(1, inverted) else {
+            // What follows is doubtful too.
+            self.current = None;
+            return None;
+        };
+        let mut loose = LooseWords::new(&header, true);
+        loose.words[count - 3] = Some(word);
+        Some(loose)
+    }
+
+    /// The header that the last two words are, if they follow those of the subframe before.
+    fn header_under_way(&self, last: &Header) -> Option<(Header, bool)> {
+        let inverted = self.preamble(60)?;
+        let first = decode_word(self.word(2, inverted), 0)?;
+        let second = self.source_bits(1, inverted).filter(|_| self.word(1, inverted) & 3 == 0)?;
+        let (header, _) = decode_subframe(&[first, second, 0, 0, 0, 0, 0, 0, 0, 0]);
+        (before(&header).tow_count == last.tow_count && before(&header).id == last.id)
+            .then_some((header, inverted))
     }
 }
 
 impl MessageDecoder for FrameDecoder {
     fn push(&mut self, symbol: f32, index: u64) -> Option<Page> {
-        let subframe = self.next_subframe(symbol, index)?;
-        let (start_index, tow_s) = (subframe.start_index, Some(subframe.tow()));
-        Some(Page { start_index, tow_s, content: Content::Lnav(subframe) })
+        let loose =
+            |words| Page { start_index: index, tow_s: None, content: Content::LnavWords(words) };
+        if let Some(subframe) = self.next_subframe(symbol, index) {
+            let (start_index, tow_s) = (subframe.start_index, Some(subframe.tow()));
+            return Some(Page { start_index, tow_s, content: Content::Lnav(subframe) });
+        }
+        self.torn.take().or_else(|| self.word_under_way(index)).map(loose)
     }
 }
 
-/// The last 320 bits, of which the newest 300 are looked at.
+/// The last 640 bits.
 #[derive(Clone, Debug, Default)]
-struct Window([u64; 5]);
+struct Window([u64; 10]);
 
 impl Window {
     fn push(&mut self, bit: bool) {
@@ -139,9 +258,9 @@ impl Window {
         }
     }
 
-    /// Bits `from..from + count` (count at most 32) of the newest 300, the first as the most significant.
-    fn bits(&self, from: usize, count: usize) -> u32 {
-        let end = 20 + from + count;
+    /// `count` bits (at most 32) of which the first is `back` bits before the end, the first as the most significant.
+    fn bits(&self, back: usize, count: usize) -> u32 {
+        let end = 640 - back + count;
         let (word, offset) = ((end - 1) / 64, (end - 1) % 64 + 1);
         let before = if word > 0 { self.0[word - 1] } else { 0 };
         let both = u128::from(before) << 64 | u128::from(self.0[word]);
