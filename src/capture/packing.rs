@@ -1,6 +1,7 @@
 //! Samples of a few bits each, packed into words.
 
 use num_complex::Complex32;
+use std::fmt;
 use std::str::FromStr;
 
 /// Value of a code of a few bits (names as in the ION GNSS SDR metadata standard).
@@ -43,6 +44,21 @@ impl Encoding {
             Self::SignMagnitudeAdjusted => sign * (2 * magnitude + 1),
         };
         value as f32
+    }
+}
+
+/// As it is parsed.
+impl fmt::Display for Encoding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sign => "sign",
+            Self::TwosComplement => "tc",
+            Self::TwosComplementAdjusted => "tca",
+            Self::OffsetBinary => "ob",
+            Self::OffsetBinaryAdjusted => "oba",
+            Self::SignMagnitude => "sm",
+            Self::SignMagnitudeAdjusted => "sma",
+        })
     }
 }
 

@@ -1,7 +1,9 @@
 //! Output of `process` and `acquire`.
 
+use super::progress;
 use super::receive::Receive;
 use super::words;
+use indicatif::ProgressBar;
 use sdr_rx::acquisition::{Acquisition, Refined};
 use sdr_rx::advice::{self, Advice, Reading};
 use sdr_rx::capture::{self, StreamInfo};
@@ -131,7 +133,10 @@ fn tables(run: &Run, fixes: bool) -> String {
 pub fn advise(receive: &Receive, options: &ReceiverOptions, record: &Record) -> Vec<Advice> {
     let sound = |r: &&Refined| r.acquisition.cn0_dbhz >= advice::SOUND_DBHZ;
     let found = record.acquisitions.iter().filter(sound).count();
-    if found >= advice::FEW || receive.input.is_stream() {
+    let enough = advice::FEW.min(options.search.satellites.len());
+    let has_tracks = !record.fixes.is_empty()
+        || record.epochs.iter().any(|epoch| epoch.observations.len() >= advice::FEW);
+    if found >= enough || has_tracks || receive.input.is_stream() {
         return Vec::new();
     }
     let open = |reading: &Reading| {
@@ -141,5 +146,11 @@ pub fn advise(receive: &Receive, options: &ReceiverOptions, record: &Record) -> 
         capture::open(&receive.input.captures, &open).ok()
     };
     let searched = options.search.by_code().into_iter().next();
-    searched.map_or(Vec::new(), |searched| advice::advise(&open, &searched, found))
+    let Some(searched) = searched else { return Vec::new() };
+    let bar = progress::thousandths().unwrap_or_else(|_| ProgressBar::hidden());
+    let advice = advice::advise(&open, &searched, found, &mut |part| {
+        bar.set_position((1000.0 * part) as u64);
+    });
+    bar.finish_and_clear();
+    advice
 }

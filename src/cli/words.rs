@@ -1,7 +1,7 @@
 //! Errors and notices of the library, with the options that help.
 
-use sdr_rx::advice::{Advice, Reading};
-use sdr_rx::capture::{CaptureError, Note};
+use sdr_rx::advice::{Advice, LOOK_S, Reading};
+use sdr_rx::capture::{BitOrder, CaptureError, Note};
 use sdr_rx::position::PositioningError;
 use sdr_rx::receiver::{NoFix, Notice};
 use sdr_rx::report::ReportError;
@@ -99,11 +99,16 @@ pub fn advised(advice: &Advice) -> String {
             format!("{satellites} satellites are there with {}: try it", options(reading))
         }
         Advice::NothingFound => {
-            "next to no satellite was found, in any usual sample type, rate or \
-            intermediate frequency: was the antenna connected and outdoors, and the receiver tuned \
+            "next to no satellite was found, in any usual sample type, rate, \
+            intermediate frequency, bit order, encoding or number of channels: was the antenna connected and outdoors, and the receiver tuned \
             to 1575.42 MHz? `sdr-rx info` shows level and spectrum"
                 .to_owned()
         }
+        Advice::TooShort(seconds) => format!(
+            "next to no satellite was found in {:.3} ms of signal, which are too few to tell why: give {} ms or more",
+            seconds * 1e3,
+            LOOK_S * 1e3
+        ),
         Advice::Level(doubt) => doubt.clone(),
     }
 }
@@ -114,6 +119,12 @@ fn options(reading: &Reading) -> String {
         reading.format.map(|f| format!("--format {f}")),
         reading.rate_hz.map(|r| format!("--rate {r}")),
         reading.if_hz.map(|f| format!("--if {f}")),
+        reading.bit_order.map(|order| match order {
+            BitOrder::MostFirst => "--bit-order msb".to_owned(),
+            BitOrder::LeastFirst => "--bit-order lsb".to_owned(),
+        }),
+        reading.encoding.map(|encoding| format!("--encoding {encoding}")),
+        reading.channels.map(|n| format!("--channels {n}")),
         reading.doppler_hz.map(|d| format!("--doppler-max {d}")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(" ")

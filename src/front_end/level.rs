@@ -109,7 +109,7 @@ impl LevelMeter {
         // The zeros in place of Q of real samples are not counted.
         let zero_q = if real { self.samples } else { 0 };
         let frequency = |&(value, count): &(f32, u64)| {
-            let count = if value == 0.0 { count - zero_q } else { count };
+            let count = if value == 0.0 { count.saturating_sub(zero_q) } else { count };
             (count > 0).then_some((value, count as f64 / numbers))
         };
         let mut values: Vec<(f32, f64)> = self.values.iter().filter_map(frequency).collect();

@@ -33,7 +33,7 @@ struct Pass {
     radix: usize,
     parts: usize,
     stride: usize,
-    /// exp(j 2 pi p k / (parts radix)) of each part p, by k from 1 on.
+    /// exp(j 2 pi p k / (parts radix)) of each part p, by k.
     twiddles: Vec<Complex32>,
 }
 
@@ -44,8 +44,14 @@ impl Pass {
             let turn = Complex64::cis(TAU * (p * k % length) as f64 / length as f64);
             Complex32::new(turn.re as f32, turn.im as f32)
         };
-        let twiddles = (0..parts).flat_map(|p| (1..radix).map(move |k| twiddle(p, k))).collect();
+        let twiddles = (0..parts).flat_map(|p| (0..radix).map(move |k| twiddle(p, k))).collect();
         Self { radix, parts, stride, twiddles }
+    }
+
+    /// By part.
+    #[inline(always)]
+    fn twiddles<const R: usize>(&self) -> &[[Complex32; R]] {
+        self.twiddles.as_chunks().0
     }
 }
 
@@ -422,6 +428,26 @@ fn butterfly<V: Vector, const R: usize>(a: [Values<V>; R]) -> [Values<V>; R] {
     b
 }
 
+/// `R` parts of equal length.
+#[inline(always)]
+fn split<T, const R: usize>(values: &[T], parts: usize) -> [&[T]; R] {
+    let mut slices = [&values[..parts]; R];
+    for j in 1..R {
+        slices[j] = &values[j * parts..][..parts];
+    }
+    slices
+}
+
+/// The same, to be written.
+#[inline(always)]
+fn split_mut<const R: usize>(mut values: &mut [Lanes], parts: usize) -> [&mut [Lanes]; R] {
+    std::array::from_fn(|_| {
+        let (part, rest) = std::mem::take(&mut values).split_at_mut(parts);
+        values = rest;
+        part
+    })
+}
+
 #[inline(always)]
 fn first_pass<V: Vector, const R: usize>(
     pass: &Pass,
@@ -430,18 +456,18 @@ fn first_pass<V: Vector, const R: usize>(
     out: &mut [Lanes],
 ) {
     let parts = pass.parts;
-    let (codes, spectrum) = (&codes[..R * parts], &spectrum[..R * parts]);
-    let (twiddles, out) = (&pass.twiddles[..(R - 1) * parts], &mut out[..R * parts]);
+    let (codes, spectrum) = (split::<_, R>(codes, parts), split::<_, R>(spectrum, parts));
+    let (twiddles, out) = (pass.twiddles::<R>(), split_mut::<R>(out, parts));
     for p in 0..parts {
-        for lane in (0..LANES).step_by(V::WIDTH) {
-            let mut a = [Values::<V>::load(&codes[p], lane).times(spectrum[p]); R];
+        for lane in (0..LANES / V::WIDTH).map(|k| k * V::WIDTH) {
+            let mut a = [Values::<V>::load(&codes[0][p], lane).times(spectrum[0][p]); R];
             for j in 1..R {
-                a[j] = Values::load(&codes[p + j * parts], lane).times(spectrum[p + j * parts]);
+                a[j] = Values::load(&codes[j][p], lane).times(spectrum[j][p]);
             }
             let b = butterfly(a);
-            b[0].store(&mut out[p], lane);
+            b[0].store(&mut out[0][p], lane);
             for k in 1..R {
-                b[k].times(twiddles[p * (R - 1) + k - 1]).store(&mut out[p + k * parts], lane);
+                b[k].times(twiddles[p][k]).store(&mut out[k][p], lane);
             }
         }
     }
@@ -451,17 +477,17 @@ fn first_pass<V: Vector, const R: usize>(
 #[inline(always)]
 fn split_pass<V: Vector, const R: usize>(pass: &Pass, values: &mut [Lanes]) {
     let parts = pass.parts;
-    let (twiddles, values) = (&pass.twiddles[..(R - 1) * parts], &mut values[..R * parts]);
+    let (twiddles, values) = (pass.twiddles::<R>(), split_mut::<R>(values, parts));
     for p in 0..parts {
-        for lane in (0..LANES).step_by(V::WIDTH) {
-            let mut a = [Values::<V>::load(&values[p], lane); R];
+        for lane in (0..LANES / V::WIDTH).map(|k| k * V::WIDTH) {
+            let mut a = [Values::<V>::load(&values[0][p], lane); R];
             for j in 1..R {
-                a[j] = Values::load(&values[p + j * parts], lane);
+                a[j] = Values::load(&values[j][p], lane);
             }
             let b = butterfly(a);
-            b[0].store(&mut values[p], lane);
+            b[0].store(&mut values[0][p], lane);
             for k in 1..R {
-                b[k].times(twiddles[p * (R - 1) + k - 1]).store(&mut values[p + k * parts], lane);
+                b[k].times(twiddles[p][k]).store(&mut values[k][p], lane);
             }
         }
     }
@@ -469,21 +495,22 @@ fn split_pass<V: Vector, const R: usize>(pass: &Pass, values: &mut [Lanes]) {
 
 #[inline(always)]
 fn one_pass<V: Vector, const R: usize>(pass: &Pass, from: &[Lanes], to: &mut [Lanes]) {
-    let Pass { parts, stride, ref twiddles, .. } = *pass;
-    let (from, to) = (&from[..R * parts * stride], &mut to[..R * parts * stride]);
-    for p in 0..parts {
-        let twiddles = &twiddles[p * (R - 1)..(p + 1) * (R - 1)];
-        let (from, to) = (&from[p * stride..], &mut to[p * R * stride..(p + 1) * R * stride]);
+    let Pass { parts, stride, .. } = *pass;
+    let (twiddles, from) = (pass.twiddles::<R>(), split::<_, R>(from, parts * stride));
+    let to = to.chunks_exact_mut(R * stride);
+    for ((p, to), twiddles) in to.enumerate().zip(&twiddles[..parts]) {
+        let to = split_mut::<R>(to, stride);
+        let from = from.map(|part| &part[p * stride..][..stride]);
         for q in 0..stride {
-            for lane in (0..LANES).step_by(V::WIDTH) {
-                let mut a = [Values::<V>::load(&from[q], lane); R];
+            for lane in (0..LANES / V::WIDTH).map(|k| k * V::WIDTH) {
+                let mut a = [Values::<V>::load(&from[0][q], lane); R];
                 for j in 1..R {
-                    a[j] = Values::load(&from[q + j * parts * stride], lane);
+                    a[j] = Values::load(&from[j][q], lane);
                 }
                 let b = butterfly(a);
-                b[0].store(&mut to[q], lane);
+                b[0].store(&mut to[0][q], lane);
                 for k in 1..R {
-                    b[k].times(twiddles[k - 1]).store(&mut to[q + k * stride], lane);
+                    b[k].times(twiddles[k]).store(&mut to[k][q], lane);
                 }
             }
         }
@@ -493,7 +520,7 @@ fn one_pass<V: Vector, const R: usize>(pass: &Pass, from: &[Lanes], to: &mut [La
 #[inline(always)]
 fn add_powers<V: Vector>(values: &[Lanes], power: &mut [[f32; LANES]]) {
     for (value, power) in values.iter().zip(power) {
-        for lane in (0..LANES).step_by(V::WIDTH) {
+        for lane in (0..LANES / V::WIDTH).map(|k| k * V::WIDTH) {
             let Values { re, im } = Values::<V>::load(value, lane);
             let sum = V::load(&power[lane..]);
             re.mul_add(re, im.mul_add(im, sum)).store(&mut power[lane..]);
