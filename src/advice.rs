@@ -320,7 +320,7 @@ fn satellites(
         if mean.norm_sqr() * samples.len() as f32 > MOST_OF_MEAN * power {
             return None;
         }
-        samples.iter_mut().for_each(|z| *z = *z / z.norm().max(f32::MIN_POSITIVE));
+        samples.iter_mut().for_each(|z| *z /= z.norm().max(f32::MIN_POSITIVE));
     }
     conditioner.process(&raw, &mut block);
     let plan = SearchPlan::new(conditioner.info().rate_hz, search.clone()).ok()?;

@@ -51,8 +51,8 @@ pub struct Excisor {
     state: Option<Treating>,
     /// Chunks until the next choice is allowed.
     wait: usize,
-    /// Whether the last chunk looked like more than noise.
-    is_hit: bool,
+    /// Whether the last chunk looked like more than noise, and had room for it.
+    is_loud: bool,
     patience: usize,
     /// Median power of the samples of the last choice.
     level: f32,
@@ -88,7 +88,7 @@ impl Excisor {
             info: info.clone(),
             tools: Tools::new(info),
             state: None,
-            is_hit: false,
+            is_loud: false,
             wait: 0,
             patience: PATIENCE,
             level: 0.0,
@@ -131,9 +131,9 @@ impl Excisor {
         true
     }
 
-    /// Whether the last chunk looked like noise alone.
+    /// Whether the last chunk looked like noise alone, or has a few values only.
     pub fn is_quiet(&self) -> bool {
-        !self.is_hit && self.state.is_none()
+        !self.is_loud && self.state.is_none()
     }
 
     /// Whether samples wait.
@@ -181,10 +181,11 @@ impl Excisor {
     fn examine(&mut self, samples: &[Complex32]) {
         self.seen += samples.len() as f64;
         self.wait = self.wait.saturating_sub(1);
-        self.tools.set_coarse(is_coarse(samples));
+        let is_coarse = is_coarse(samples);
+        self.tools.set_coarse(is_coarse);
         let all = self.state.is_some() || self.seen <= 2.0 * samples.len() as f64;
         let hit = self.look.is_hit(&mut self.tools, samples, all);
-        self.is_hit = hit;
+        self.is_loud = hit && !is_coarse;
         if let Some(state) = &mut self.state {
             state.quiet = if hit { 0 } else { state.quiet + 1 };
             state.age += 1;
