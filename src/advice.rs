@@ -2,7 +2,7 @@
 //! time, and the reading that shows satellites as they can be in view is reported.
 //!
 //! Counted work: each reading is searched in one window of 4 ms first, all readings together in at most
-//! [`MOST_CELLS`] cells; those that show three satellites in five windows. The likeliest mistakes come first.
+//! some 10^9 / 2 cells; those that show three satellites in five windows. The likeliest mistakes come first.
 
 use crate::acquisition::search::searched_signal;
 use crate::acquisition::{Acquisition, SearchOptions, SearchPlan};

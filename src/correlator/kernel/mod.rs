@@ -28,7 +28,7 @@ const MOST_OF_EIGHTS: f64 = 0.0075;
 /// Consecutive samples, in-phase and quadrature apart.
 #[derive(Clone, Copy, Debug)]
 pub enum Window<'a> {
-    /// A byte b stands for b - 127.5 steps of [`WORDS_PER_BYTE`].
+    /// A byte b stands for b - 127.5 steps of 16 words.
     Bytes([&'a [u8]; 2]),
     /// As they are.
     Words([&'a [i16]; 2]),
