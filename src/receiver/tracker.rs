@@ -238,7 +238,10 @@ impl Tracker {
                     let NavigationData { utc, galileo, .. } = self.collector.data();
                     utc.iter().chain(&galileo.utc).for_each(UtcParameters::announce);
                 }
-                news |= matches!(update, Update::Ephemeris(_) | Update::IonosphereUtc);
+                news |= matches!(
+                    update,
+                    Update::Ephemeris(_) | Update::Withdrawn(_) | Update::IonosphereUtc
+                );
                 emit(Event::Message { sv, sample, update });
             }
             let known = self.collector.data().satellites().any(|s| s == sv)
@@ -248,6 +251,7 @@ impl Tracker {
             }
         }
         if news {
+            self.navigation = options.navigation.clone();
             self.navigation.merge(self.collector.data().clone());
         }
     }

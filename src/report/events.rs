@@ -69,6 +69,7 @@ pub fn event_line(event: &Event, rate_hz: f64) -> String {
         Event::Message { sv, sample, update } => {
             let (what, of) = match update {
                 Update::Ephemeris(of) => ("ephemeris".to_owned(), Some(of)),
+                Update::Withdrawn(of) => ("ephemeris withdrawn".to_owned(), Some(of)),
                 Update::IonosphereUtc => ("ionosphere and UTC".to_owned(), None),
                 Update::Almanac(of) => ("almanac".to_owned(), Some(of)),
                 Update::Health => ("health".to_owned(), None),

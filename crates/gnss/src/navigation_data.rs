@@ -36,18 +36,27 @@ pub struct NavigationData {
 const SAME_TOE_S: f64 = 900.0;
 
 impl NavigationData {
-    /// Adds an ephemeris; of two with the same issue, time and health the one that was sent later counts.
+    /// Adds an ephemeris; one with the same issue, time and health as a known one changes nothing.
     pub fn insert(&mut self, ephemeris: Ephemeris) {
         let list = self.ephemerides.entry(ephemeris.sv).or_default();
-        let key = |e: &Ephemeris| (e.toe, e.iode, e.iodc, e.health);
-        if let Some(known) = list.iter_mut().find(|e| key(e) == key(&ephemeris)) {
-            if ephemeris.transmission_time > known.transmission_time {
-                *known = ephemeris;
-            }
+        if list.iter().any(|e| {
+            (e.toe, e.iode, e.iodc, e.health)
+                == (ephemeris.toe, ephemeris.iode, ephemeris.iodc, ephemeris.health)
+        }) {
             return;
         }
         let at = list.partition_point(|e| e.toe <= ephemeris.toe);
         list.insert(at, ephemeris);
+    }
+
+    /// Takes an ephemeris out again.
+    pub fn remove(&mut self, ephemeris: &Ephemeris) {
+        if let Some(list) = self.ephemerides.get_mut(&ephemeris.sv) {
+            list.retain(|e| e != ephemeris);
+            if list.is_empty() {
+                self.ephemerides.remove(&ephemeris.sv);
+            }
+        }
     }
 
     /// Adds an ephemeris of GLONASS; one of the same time and health as a known one changes nothing.

@@ -3,7 +3,7 @@
 use super::inav::InavCollector;
 use super::lnav::{
     Almanac, DEFAULT_REFERENCE_WEEK, IonosphereUtc, LnavMessage, LooseWords, Subframe, Subframe1,
-    Subframe2, Subframe3, assemble, resolve_week,
+    Subframe2, Subframe3, WordsState, assemble, resolve_week,
 };
 use super::{Content, Update, inav, sbas};
 use crate::atmosphere::Klobuchar;
@@ -11,28 +11,39 @@ use crate::time::SECONDS_PER_WEEK;
 use crate::{Ephemeris, GpsTime, NavigationData, Sv};
 use std::collections::BTreeMap;
 
-/// Latest parts of one satellite's ephemeris.
+/// Latest parts of one satellite's ephemeris, of whole subframes.
 #[derive(Clone, Debug, Default)]
 struct Parts {
     clock: Option<(Subframe1, f64)>,
     orbit: Option<Subframe2>,
     orientation: Option<Subframe3>,
-    /// Words 3 to 10 of the subframe that was not whole when the first whole one came, and of the one under way.
+}
+
+/// Words of subframes 1 to 3 of one satellite that are not whole, or not yet.
+#[derive(Clone, Debug, Default)]
+struct Loose {
+    /// Of the one before the first whole one.
     torn: Option<LooseWords>,
     under_way: Option<LooseWords>,
+    /// The ephemeris made with words of the one under way, and the parts without them.
+    made: Option<(Ephemeris, Parts)>,
 }
 
 /// Time, s, between two subframes of one number.
 const FRAME_S: f64 = 30.0;
 
-impl Parts {
+impl Loose {
     /// Takes words; gives the subframe that they make up together with those of the frame before.
     fn join(&mut self, new: &LooseWords) -> Option<LnavMessage> {
-        if !new.under_way {
+        // Pages of subframes 4 and 5 are others in the next frame.
+        if !(1..=3).contains(&new.id) || new.state == WordsState::Refused {
+            return None;
+        }
+        if new.state == WordsState::Torn {
             return self.torn.insert(new.clone()).message();
         }
         let current = self.under_way.get_or_insert_with(|| new.clone());
-        if (current.id, current.tow) != (new.id, new.tow) {
+        if !new.is_of(current) {
             *current = new.clone();
         }
         let week_s = SECONDS_PER_WEEK as f64;
@@ -58,6 +69,7 @@ pub struct NavigationCollector {
     newest: Option<GpsTime>,
     page_18: Option<IonosphereUtc>,
     parts: BTreeMap<Sv, Parts>,
+    loose: BTreeMap<Sv, Loose>,
     data: NavigationData,
     almanacs: BTreeMap<Sv, Almanac>,
     health: BTreeMap<Sv, u8>,
@@ -80,6 +92,7 @@ impl NavigationCollector {
             newest: None,
             page_18: None,
             parts: BTreeMap::new(),
+            loose: BTreeMap::new(),
             data: NavigationData::default(),
             almanacs: BTreeMap::new(),
             health: BTreeMap::new(),
@@ -92,10 +105,7 @@ impl NavigationCollector {
     pub fn add(&mut self, sv: Sv, content: &Content) -> Option<Update> {
         match content {
             Content::Lnav(subframe) => self.add_subframe(sv, subframe),
-            Content::LnavWords(words) => {
-                let message = self.parts.entry(sv).or_default().join(words)?;
-                self.add_message(sv, words.tow, message)
-            }
+            Content::LnavWords(words) => self.add_words(sv, words),
             Content::Sbas(message) => {
                 self.sbas
                     .entry(sv)
@@ -112,7 +122,50 @@ impl NavigationCollector {
             true => self.data.alerts.insert(sv),
             false => self.data.alerts.remove(&sv),
         };
-        self.add_message(sv, subframe.tow(), subframe.message())
+        // What was made of its words is made anew of all of it.
+        let made = self.take_back(sv);
+        let update = self.add_message(sv, subframe.tow(), subframe.message());
+        let Some(made) = made else { return update };
+        let transmission_time = made.transmission_time;
+        let same = |e: &Ephemeris| Ephemeris { transmission_time, ..e.clone() } == made;
+        match update {
+            Some(Update::Ephemeris(_)) if self.data.iter().any(same) => None,
+            Some(Update::Ephemeris(_)) => update,
+            _ => Some(Update::Withdrawn(sv)),
+        }
+    }
+
+    fn add_words(&mut self, sv: Sv, words: &LooseWords) -> Option<Update> {
+        let loose = self.loose.entry(sv).or_default();
+        // The subframe whose words made an ephemeris has not become whole.
+        let is_over = words.state == WordsState::Refused
+            || loose.under_way.as_ref().is_some_and(|before| !words.is_of(before));
+        let message = loose.join(words);
+        let withdrawn = is_over.then(|| self.take_back(sv)).flatten();
+        let withdrawn = withdrawn.map(|_| Update::Withdrawn(sv));
+        let Some(message) = message.filter(|_| self.loose[&sv].made.is_none()) else {
+            return withdrawn;
+        };
+        let before = self.parts.get(&sv).cloned().unwrap_or_default();
+        let update = self.add_message(sv, words.tow, message);
+        match (update, self.assembled(sv)) {
+            (Some(update), Some(made)) => {
+                self.loose.entry(sv).or_default().made = Some((made, before));
+                Some(update)
+            }
+            _ => {
+                self.parts.insert(sv, before);
+                withdrawn
+            }
+        }
+    }
+
+    /// Takes back the ephemeris that was made of words of a subframe under way, if there is one.
+    fn take_back(&mut self, sv: Sv) -> Option<Ephemeris> {
+        let (made, before) = self.loose.get_mut(&sv)?.made.take()?;
+        self.data.remove(&made);
+        self.parts.insert(sv, before);
+        Some(made)
     }
 
     fn add_message(&mut self, sv: Sv, tow: f64, message: LnavMessage) -> Option<Update> {
@@ -181,17 +234,19 @@ impl NavigationCollector {
         }
     }
 
+    /// The ephemeris of the latest parts, if they are all there and of one issue.
+    fn assembled(&self, sv: Sv) -> Option<Ephemeris> {
+        let Parts { clock, orbit, orientation } = self.parts.get(&sv)?;
+        let (clock, tow) = clock.as_ref()?;
+        let parts = (clock, orbit.as_ref()?, orientation.as_ref()?);
+        assemble(sv, parts, *tow, self.reference_week)
+    }
+
     fn complete(&mut self, sv: Sv) -> Option<Update> {
-        let parts = &self.parts[&sv];
-        let (Some((clock, tow)), Some(orbit), Some(orientation)) =
-            (&parts.clock, &parts.orbit, &parts.orientation)
-        else {
-            return None;
-        };
-        let ephemeris = assemble(sv, (clock, orbit, orientation), *tow, self.reference_week)?;
-        let transmission_time = ephemeris.transmission_time;
-        let same = |e: &Ephemeris| Ephemeris { transmission_time, ..e.clone() } == ephemeris;
-        let known = self.data.iter().any(same);
+        let ephemeris = self.assembled(sv)?;
+        let known = self.data.iter().any(|e| {
+            (e.sv, e.toe, e.toc, e.iodc) == (sv, ephemeris.toe, ephemeris.toc, ephemeris.iodc)
+        });
         self.data.insert(ephemeris);
         (!known).then_some(Update::Ephemeris(sv))
     }
@@ -332,6 +387,81 @@ mod tests {
             earlier += usize::from((start + needed) % 300 != 0);
         }
         assert!(earlier > 500, "{earlier}");
+    }
+
+    /// A half-cycle slip in the last words of the subframe that completes the ephemeris: one in 64 of the words that it
+    /// falls into keeps parity, with other contents. At the end of the subframe they are taken back.
+    #[test]
+    fn an_ephemeris_of_words_whose_subframe_is_refused_is_withdrawn() {
+        let eph = sample_ephemeris();
+        let all = bits(&eph, 511_200.0, 3);
+        let (_, whole) = collect(eph.sv, &all).unwrap();
+        // A start in subframe 2, whose words come again in the second frame: bits 1800 to 2099.
+        let start = 400;
+        let (needed, _) = collect(eph.sv, &all[start..]).unwrap();
+        assert!(start + needed < 2100);
+        let mut wrong = 0;
+        for slip in 1800..2100 {
+            let mut received = all[start..].to_vec();
+            received[slip - start..].iter_mut().for_each(|b| *b = -*b);
+            let (mut decoder, mut collector) =
+                (FrameDecoder::new(), NavigationCollector::default());
+            let decoder: &mut dyn MessageDecoder = &mut decoder;
+            let mut updates = Vec::new();
+            for (k, &bit) in received[..2101 - start].iter().enumerate() {
+                let page = decoder.push(bit, k as u64);
+                updates.extend(page.and_then(|page| collector.add(eph.sv, &page.content)));
+            }
+            updates.retain(|u| matches!(u, Update::Ephemeris(_) | Update::Withdrawn(_)));
+            // The subframe with the slip has ended.
+            let expected: &[Update] = match updates.len() {
+                0 => &[],
+                _ => &[Update::Ephemeris(eph.sv), Update::Withdrawn(eph.sv)],
+            };
+            assert_eq!(updates, if slip == 1800 { &expected[..1] } else { expected }, "{slip}");
+            let there = collector.data().iter().count();
+            assert_eq!(there, usize::from(slip == 1800), "{slip}");
+            wrong += usize::from(slip > 1800 && !updates.is_empty());
+            // The next frame gives it again.
+            for (k, &bit) in received.iter().enumerate().skip(2101 - start) {
+                let page = decoder.push(bit, k as u64);
+                page.and_then(|page| collector.add(eph.sv, &page.content));
+            }
+            let found = collector.data().iter().next().cloned().unwrap();
+            let Ephemeris { transmission_time, .. } = whole;
+            assert_eq!(Ephemeris { transmission_time, ..found }, whole, "{slip}");
+        }
+        assert!(wrong > 0, "no slip comes after the last word that is needed");
+    }
+
+    /// Subframes 4 and 5 hold another page in each frame: words of two of them make none.
+    #[test]
+    fn words_of_different_pages_are_not_joined() {
+        let almanac = |prn: u8| {
+            let eph = Ephemeris { sv: Sv::from_prn(prn).unwrap(), ..sample_ephemeris() };
+            LnavMessage::Almanac(Almanac::new(&eph, GpsTime::from_week_tow(2191, 4096.0)))
+        };
+        let words = |message: &LnavMessage, tow: f64| {
+            decode_words(&encode_subframe(&Header::new(5, tow), message).unwrap(), 0).unwrap()
+        };
+        let (old, new) = (words(&almanac(3), 511_224.0), words(&almanac(4), 511_254.0));
+        let mut collector = NavigationCollector::default();
+        let sv = Sv::from_prn(9).unwrap();
+        let loose = |tow: f64, state, source: &[u32; 10], known: std::ops::Range<usize>| {
+            let word = |k: usize| known.contains(&k).then_some(source[k]);
+            Content::LnavWords(LooseWords {
+                id: 5,
+                tow,
+                state,
+                words: std::array::from_fn(|k| word(k + 2)),
+            })
+        };
+        collector.add(sv, &loose(511_224.0, WordsState::Torn, &old, 4..10));
+        for k in 2..10 {
+            let one = loose(511_254.0, WordsState::UnderWay, &new, k..k + 1);
+            assert_eq!(collector.add(sv, &one), None);
+        }
+        assert!(collector.almanacs().is_empty());
     }
 
     #[test]

@@ -7,6 +7,8 @@ use crate::Sv;
 pub enum Update {
     /// A new ephemeris of this satellite.
     Ephemeris(Sv),
+    /// The ephemeris of this satellite that was made of single words is taken back: the rest of its subframe is not whole.
+    Withdrawn(Sv),
     /// Ionosphere and UTC parameters, of GPS or Galileo.
     IonosphereUtc,
     /// The almanac of this satellite.

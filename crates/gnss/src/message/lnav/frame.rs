@@ -16,7 +16,8 @@
 //! Words 3 to 10 count one by one where a subframe is not whole. Of the one before the first whole subframe, or of one that
 //! was refused, those are given that keep parity from the end backwards, in the polarity of the whole one, but for the
 //! two earliest: of words that the start of a track spoiled one in 64 keeps parity, so one of 3e5 is given. Of the subframe
-//! under way each word is given as it comes, once its first two have continued the time of the one before.
+//! under way each word is given as it comes, once its first two have continued the time of the one before; where it then
+//! ends without being whole, that is told, as a slip shows at its end alone.
 //!
 //! Each subframe has its own polarity, so a half-cycle slip costs the subframe that it falls into and no
 //! other. That subframe is refused: of words that a slip corrupts one in 64 keeps parity, but the slip turns
@@ -77,15 +78,31 @@ pub struct LooseWords {
     pub id: u8,
     /// Time of week of the transmission of its first bit, s, by the satellite's clock.
     pub tow: f64,
-    /// Whether it is under way: its words are the last ones received.
-    pub under_way: bool,
+    /// What became of it.
+    pub state: WordsState,
     /// Source bits of words 3 to 10, of those that are known.
     pub words: [Option<u32>; 8],
 }
 
+/// Why words are loose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WordsState {
+    /// The subframe before a whole one, which was not whole.
+    Torn,
+    /// The subframe is under way.
+    UnderWay,
+    /// The subframe has ended, and is not whole: its words, given before, are not to be believed.
+    Refused,
+}
+
 impl LooseWords {
-    fn new(header: &Header, under_way: bool) -> Self {
-        Self { id: header.id, tow: header.tow(), under_way, words: [None; 8] }
+    fn new(header: &Header, state: WordsState) -> Self {
+        Self { id: header.id, tow: header.tow(), state, words: [None; 8] }
+    }
+
+    /// Whether they are of the same subframe.
+    pub fn is_of(&self, other: &Self) -> bool {
+        (self.id, self.tow) == (other.id, other.tow)
     }
 
     /// The message, if all words are known.
@@ -100,6 +117,12 @@ impl LooseWords {
 
 /// Of the words before the first whole subframe, the earliest that are not believed.
 const DOUBTFUL_WORDS: usize = 2;
+
+/// The subframe after this one.
+fn after(header: &Header) -> Header {
+    let tow_count = (header.tow_count + 1) % TOW_COUNTS;
+    Header { id: header.id % 5 + 1, tow_count, ..header.clone() }
+}
 
 /// The subframe before this one.
 fn before(header: &Header) -> Header {
@@ -184,7 +207,7 @@ impl FrameDecoder {
 
     /// What is left of the subframe before one that was found at the end of the window.
     fn torn_words(&self, found: &Subframe) -> Option<LooseWords> {
-        let mut loose = LooseWords::new(&before(&found.header), false);
+        let mut loose = LooseWords::new(&before(&found.header), WordsState::Torn);
         // Word 10 ends in 00, whatever came before.
         if self.received < SUBFRAME_BITS + 32 || self.word(11, found.inverted) & 3 != 0 {
             return None;
@@ -198,13 +221,16 @@ impl FrameDecoder {
         loose.words.iter().any(Option::is_some).then_some(loose)
     }
 
-    /// The word that the newest bit completes in the subframe after the last whole one.
+    /// The word that the newest bit completes in the subframe after the last whole one; at its end, that it was not whole.
     fn word_under_way(&mut self, index: u64) -> Option<LooseWords> {
         let last = self.last_subframe.as_ref()?;
         let bits = (index + 1).checked_sub(last.start_index + SUBFRAME_BITS as u64)? as usize;
         let (count, is_whole) = (bits / 30, bits.is_multiple_of(30));
-        if !is_whole || !(2..10).contains(&count) {
+        if !is_whole || !(2..=10).contains(&count) {
             return None;
+        }
+        if count == 10 {
+            return Some(LooseWords::new(&after(&last.header), WordsState::Refused));
         }
         if count == 2 {
             self.current = self.header_under_way(&last.header);
@@ -216,7 +242,7 @@ impl FrameDecoder {
             self.current = None;
             return None;
         };
-        let mut loose = LooseWords::new(&header, true);
+        let mut loose = LooseWords::new(&header, WordsState::UnderWay);
         loose.words[count - 3] = Some(word);
         Some(loose)
     }
@@ -227,8 +253,8 @@ impl FrameDecoder {
         let first = decode_word(self.word(2, inverted), 0)?;
         let second = self.source_bits(1, inverted).filter(|_| self.word(1, inverted) & 3 == 0)?;
         let (header, _) = decode_subframe(&[first, second, 0, 0, 0, 0, 0, 0, 0, 0]);
-        (before(&header).tow_count == last.tow_count && before(&header).id == last.id)
-            .then_some((header, inverted))
+        let Header { id, tow_count, .. } = after(last);
+        ((header.id, header.tow_count) == (id, tow_count)).then_some((header, inverted))
     }
 }
 

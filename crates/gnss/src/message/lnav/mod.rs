@@ -15,7 +15,7 @@ pub mod parity;
 mod subframes;
 
 pub use fields::DataWords;
-pub use frame::{FrameDecoder, LooseWords, Subframe};
+pub use frame::{FrameDecoder, LooseWords, Subframe, WordsState};
 pub use pages::{Almanac, Health1To24, Health25To32, IonosphereUtc, page_sv_id};
 pub use subframes::{Subframe1, Subframe2, Subframe3, assemble};
 
